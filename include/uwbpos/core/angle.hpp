@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// Angles on the circle.
+
+#include <cmath>
+#include <numbers>
+
+namespace uwbpos {
+
+/// `angle` [rad] brought into (−π, π]. NaN and infinity give NaN. O(1), no allocation.
+template <class S>
+[[nodiscard]] S wrap_angle(S angle) {
+  constexpr S pi = std::numbers::pi_v<S>;
+  const S wrapped = std::remainder(angle, 2 * pi);
+  return wrapped <= -pi ? pi : wrapped;
+}
+
+/// Smallest turn [rad] from `from` to `to`, in (−π, π].
+template <class S>
+[[nodiscard]] S angle_difference(S to, S from) {
+  return wrap_angle(to - from);
+}
+
+template <class S>
+[[nodiscard]] constexpr S degrees_to_radians(S degrees) {
+  return degrees * (std::numbers::pi_v<S> / S(180));
+}
+
+template <class S>
+[[nodiscard]] constexpr S radians_to_degrees(S radians) {
+  return radians * (S(180) / std::numbers::pi_v<S>);
+}
+
+}  // namespace uwbpos

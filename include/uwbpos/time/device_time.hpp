@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// A radio's timestamp counter, which wraps. DW1000/DW3000: 40 bits of 15.65 ps, 17.2 s a wrap;
+/// many firmwares log its low 32 bits, 67.2 ms a wrap.
+
+#include <cstdint>
+
+namespace uwbpos {
+
+/// A reading of a counter of `Bits` bits. Readings have no order, only differences:
+/// `later - earlier` is the signed residue modulo 2^Bits in [−2^(Bits−1), 2^(Bits−1)) ticks,
+/// the true difference as long as that lies below half the counter's range.
+template <unsigned Bits = 40>
+class DeviceTime {
+  static_assert(Bits >= 8 && Bits <= 63, "a counter has 8 to 63 bits");
+
+ public:
+  static constexpr unsigned kBits = Bits;
+  static constexpr std::int64_t kWrap = std::int64_t{1} << Bits;
+  static constexpr std::int64_t kHalfWrap = kWrap / 2;
+
+  constexpr DeviceTime() = default;
+
+  /// Bits above the counter's are dropped, as the hardware would.
+  constexpr explicit DeviceTime(std::uint64_t ticks) : ticks_{ticks & (kWrap - 1)} {}
+
+  /// The reading, in [0, 2^Bits).
+  [[nodiscard]] constexpr std::uint64_t ticks() const { return ticks_; }
+
+  friend constexpr bool operator==(DeviceTime, DeviceTime) = default;
+
+  friend constexpr std::int64_t operator-(DeviceTime later, DeviceTime earlier) {
+    const std::uint64_t residue = (later.ticks_ - earlier.ticks_) & (kWrap - 1);
+    const auto difference = static_cast<std::int64_t>(residue);
+    return difference < kHalfWrap ? difference : difference - kWrap;
+  }
+
+  friend constexpr DeviceTime operator+(DeviceTime time, std::int64_t ticks) {
+    return DeviceTime{time.ticks_ + static_cast<std::uint64_t>(ticks)};
+  }
+
+  friend constexpr DeviceTime operator-(DeviceTime time, std::int64_t ticks) {
+    return DeviceTime{time.ticks_ - static_cast<std::uint64_t>(ticks)};
+  }
+
+ private:
+  std::uint64_t ticks_ = 0;
+};
+
+}  // namespace uwbpos
