@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: MIT
+# How this repository's own programs (tests, examples, benches) are compiled. None of it
+# reaches a program that uses the library.
+set(CMAKE_CXX_STANDARD 23)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+
+find_program(UWBPOS_CCACHE ccache)
+if(UWBPOS_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${UWBPOS_CCACHE})
+endif()
+
+add_library(uwbpos_own INTERFACE)
+target_link_libraries(uwbpos_own INTERFACE uwbpos::uwbpos)
+target_compile_options(uwbpos_own INTERFACE
+  -Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -Werror
+  # A fused multiply-add rounds once where the source says twice, and each compiler fuses
+  # where it likes. Firmware and server agree bit for bit only without it.
+  -ffp-contract=off
+  # __FILE__ and debug information name files from the repository's root.
+  -ffile-prefix-map=${PROJECT_SOURCE_DIR}/=)
