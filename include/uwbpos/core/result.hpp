@@ -54,7 +54,7 @@ inline constexpr int kErrorCount = static_cast<int>(Error::InvalidTable) + 1;
     case Error::NotFinite:
       return "an input is NaN or infinite";
     case Error::NonPositiveSigma:
-      return "a standard deviation is zero or negative";
+      return "a standard deviation is zero, negative or below a nanometre";
     case Error::InvalidOption:
       return "an option lies outside its domain";
     case Error::NegativeRange:

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// The range model, written once for solvers, bounds, filter and simulator:
+/// \f[ h(p) = \lVert p - a \rVert, \qquad \partial h / \partial p = (p - a)^T / h(p). \f]
+
+#include "uwbpos/core/linalg.hpp"
+
+namespace uwbpos {
+
+/// A predicted range [m] and its gradient with respect to the position, the unit vector from the
+/// anchor to the position. At the anchor itself the gradient does not exist and is zero.
+template <class S, int D>
+struct RangePrediction {
+  S range;
+  Vec<S, D> gradient;
+};
+
+/// Predicts the range from `position` to `anchor`, both in one frame [m]. O(D), no allocation.
+template <class S, int D>
+[[nodiscard]] RangePrediction<S, D> predict_range(const Vec<S, D>& position,
+                                                  const Vec<S, D>& anchor) {
+  RangePrediction<S, D> prediction;
+  const Vec<S, D> offset = position - anchor;
+  prediction.range = norm(offset);
+  const S inverse = prediction.range > S(0) ? S(1) / prediction.range : S(0);
+  prediction.gradient = offset * inverse;
+  return prediction;
+}
+
+}  // namespace uwbpos

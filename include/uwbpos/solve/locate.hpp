@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// The front door: a position from whatever ranges there are. It takes the two roots of
+/// toa_roots.hpp, descends to the maximum likelihood of toa_least_squares.hpp from each that the
+/// measurements leave open, and answers the one that the measurements, or the caller's side or
+/// prior position, tell from its mirror image; or says that it cannot.
+
+#include "uwbpos/solve/toa_least_squares.hpp"
+
+namespace uwbpos {
+
+namespace detail {
+
+inline constexpr int kLocateIterations = 50;
+
+/// Flat anchors: two images that fit equally well, or the plane itself.
+template <class S, int D>
+Result<Descent<S, D>> locate_flat(RangeSpan<S, D> ranges, const ToaRoots<S, D>& roots,
+                                  const LocateOptions<S, D>& options) {
+  const S sigma = std::sqrt(roots.square_variance);
+  const bool exactly_determined = ranges.size() == static_cast<std::size_t>(D);
+  if (exactly_determined && roots.square < -(roots.rounding() + S(5) * sigma)) {
+    return std::unexpected(Error::InconsistentRanges);
+  }
+  // Near the plane τ² is known to ± sigma and τ itself not to first order.
+  DirectionPrior<S, D> prior;
+  prior.point = roots.foot;
+  prior.direction = roots.direction;
+  prior.information = S(4) * roots.square < sigma ? S(1) / sigma : S(0);
+
+  Vec<S, D> start = roots.foot;
+  S towards = S(0);
+  if (roots.square > roots.rounding()) {
+    const Vec<S, D> root = std::sqrt(roots.square) * roots.direction;
+    LocateOptions<S, D> relative = options;
+    if (relative.prior) *relative.prior -= roots.center;
+    const MirrorChoice choice =
+        choose_by_knowledge<S, D>(roots.foot + root, roots.foot - root, relative);
+    if (choice != MirrorChoice::Unknown) {
+      towards = choice == MirrorChoice::First ? S(1) : S(-1);
+    } else if (roots.square > S(0.01) * sigma) {
+      return std::unexpected(Error::AmbiguousSolution);
+    }
+    start += towards * root;
+    prior.point = start;
+  }
+  Result<Descent<S, D>> descent =
+      descend<S, D>(ranges, roots.center, start, roots.largest, kLocateIterations, prior);
+  if (descent && towards != S(0)) {
+    // A step may cross the plane into the other image: back to the one that was chosen.
+    const Vec<S, D> from_foot = descent->position - roots.foot;
+    const S height = dot(from_foot, roots.direction);
+    if (height * towards < S(0)) descent->position -= S(2) * height * roots.direction;
+  }
+  return descent;
+}
+
+/// Anchors that span the space: one true minimum, and perhaps a second that only noise could hide.
+template <class S, int D>
+Result<Descent<S, D>> locate_spanned(RangeSpan<S, D> ranges, const ToaRoots<S, D>& roots,
+                                     const LocateOptions<S, D>& options) {
+  const auto from = [&](const Vec<S, D>& start) {
+    return descend<S, D>(ranges, roots.center, start, roots.largest, kLocateIterations);
+  };
+  Result<Descent<S, D>> best = from(likely_root(roots));
+  // The linear system's own Δχ² between the roots: beyond this nothing can turn it round.
+  constexpr S kBeyondDoubt = S(400);
+  const S root = roots.square > S(0) ? std::sqrt(roots.square) : S(0);
+  if (best && S(4) * roots.linear_information * root * std::abs(roots.linear) > kBeyondDoubt) {
+    return best;
+  }
+
+  const S mirrored = roots.linear < S(0) ? root : -root;
+  Result<Descent<S, D>> other = from(roots.foot + mirrored * roots.direction);
+  if (!best) return other;
+  if (!other) return best;
+  if (other->chi_squared < best->chi_squared) std::swap(*best, *other);
+  const Vec<S, D> apart = best->position - other->position;
+  const S same = S(1e-3) * roots.largest;
+  if (squared_norm(apart) <= same * same) return best;
+  const Vec<S, D> scaled = Ldlt<S, D>{best->covariance}.solve(apart);
+  if (dot(apart, scaled) < S(1)) return best;
+
+  const int freedom = static_cast<int>(ranges.size()) - D;
+  const S rounding = chi_squared_rounding<S, D>(ranges, roots.largest);
+  const auto decided = [&](S needed) {
+    return rules_out(best->chi_squared, other->chi_squared, freedom, needed, rounding);
+  };
+  if (decided(S(25))) return best;
+  LocateOptions<S, D> relative = options;
+  if (relative.prior) *relative.prior -= roots.center;
+  switch (choose_by_knowledge(best->position, other->position, relative)) {
+    case MirrorChoice::First:
+      return best;
+    case MirrorChoice::Second:
+      return other;
+    case MirrorChoice::Unknown:
+      break;
+  }
+  if (decided(S(9))) return best;
+  return std::unexpected(Error::AmbiguousSolution);
+}
+
+template <class S, int D>
+Result<Fix<S, D>> locate_ranges(RangeSpan<S, D> ranges, const LocateOptions<S, D>& options) {
+  if (const auto error = check_ranges<S, D>(ranges, D)) return std::unexpected(*error);
+  if (const auto error = check_options(options)) return std::unexpected(*error);
+  const Result<ToaRoots<S, D>> roots = toa_roots<S, D>(ranges);
+  if (!roots) return std::unexpected(roots.error());
+  const Result<Descent<S, D>> found = roots->flat() ? locate_flat(ranges, *roots, options)
+                                                    : locate_spanned(ranges, *roots, options);
+  if (!found) return std::unexpected(found.error());
+  return Fix<S, D>{roots->center + found->position, found->covariance, found->chi_squared,
+                   static_cast<int>(ranges.size()) - D};
+}
+
+}  // namespace detail
+
+/// Position [m] from 2…64 ranges in the plane or 3…64 in space, in the anchors' frame, by maximum
+/// likelihood, with its covariance, at the Cramér-Rao bound. Anchors may be anywhere: in general
+/// position, on one ceiling, in one row. Two mirror images that the ranges cannot tell apart are
+/// settled by `options.side` or `options.prior`. O(n·D²), at most two descents; no allocation.
+///
+/// Errors: those of `check_ranges` (too few, too many, not finite, bad sigma, negative);
+/// Error::NotFinite in an option; Error::DegenerateGeometry, anchors in one point, or in one line
+/// in space; Error::AmbiguousSolution, mirror images and neither side nor prior;
+/// Error::InconsistentRanges, circles or spheres that miss one another beyond noise and no
+/// redundancy to say where; Error::NotConverged.
+template <RangeSet R>
+[[nodiscard]] auto locate(
+    const R& ranges,
+    const std::type_identity_t<LocateOptions<RangeSetScalar<R>, kRangeSetDimension<R>>>& options =
+        {}) -> Result<Fix<RangeSetScalar<R>, kRangeSetDimension<R>>> {
+  return detail::locate_ranges<RangeSetScalar<R>, kRangeSetDimension<R>>(as_range_span(ranges),
+                                                                         options);
+}
+
+}  // namespace uwbpos

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// Whether the measurements themselves tell two mirror images apart. With Gaussian noise the odds
+/// of two positions are exp(Δχ²/2). Two ways to be sure, neither of which trusts a wrong sigma:
+/// the odds exceed 90 : 1 while the better one is itself believable, or the better one fits a
+/// hundred times closer than the other, which chance grants once in a hundred whatever the noise.
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <optional>
+
+#include "uwbpos/core/linalg.hpp"
+#include "uwbpos/core/result.hpp"
+
+namespace uwbpos {
+
+/// What the caller knows that tells mirror images apart; either may be left out.
+/// `side`: a direction in which the tag lies from the anchors, e.g. (0, 0, −1) below a ceiling;
+/// its length does not matter, zero says nothing. `prior`: a position nearer to the tag than to its
+/// mirror image [m], such as the previous fix. Where both are given the side decides.
+template <class S, int D>
+struct LocateOptions {
+  Vec<S, D> side = Vec<S, D>::Zero();
+  std::optional<Vec<S, D>> prior = std::nullopt;
+};
+
+/// Error::NotFinite when an option is not finite. O(D).
+template <class S, int D>
+[[nodiscard]] std::optional<Error> check_options(const LocateOptions<S, D>& options) {
+  if (!all_finite(options.side)) return Error::NotFinite;
+  if (options.prior && !all_finite(*options.prior)) return Error::NotFinite;
+  return std::nullopt;
+}
+
+/// Which of two images to answer.
+enum class MirrorChoice : std::uint8_t { First, Second, Unknown };
+
+/// True when `better` ≤ `worse`, the χ² of two images, rule the second out.
+/// `needed`: the Δχ² to ask for; `rounding`: the χ² that rounding alone may cause.
+template <class S>
+[[nodiscard]] bool rules_out(S better, S worse, int degrees_of_freedom, S needed, S rounding) {
+  const S freedom = static_cast<S>(degrees_of_freedom);
+  const bool believable = better <= freedom + S(4) * std::sqrt(S(2) * freedom) + S(1);
+  if (worse - better > needed && (believable || worse > S(2) * better)) return true;
+  return worse > S(1e4) * (better + rounding);
+}
+
+/// Chooses between two images by what the caller knows alone. O(D), no allocation.
+template <class S, int D>
+[[nodiscard]] MirrorChoice choose_by_knowledge(const Vec<S, D>& first, const Vec<S, D>& second,
+                                               const LocateOptions<S, D>& options) {
+  const Vec<S, D> between = first - second;
+  const S towards = dot(between, options.side);
+  // A side within a thousandth of the mirror itself points at neither image.
+  if (std::abs(towards) > S(1e-3) * norm(between) * norm(options.side)) {
+    return towards > S(0) ? MirrorChoice::First : MirrorChoice::Second;
+  }
+  if (options.prior) {
+    const S to_first = squared_norm<S, D>(first - *options.prior);
+    const S to_second = squared_norm<S, D>(second - *options.prior);
+    if (to_first != to_second) {
+      return to_first < to_second ? MirrorChoice::First : MirrorChoice::Second;
+    }
+  }
+  return MirrorChoice::Unknown;
+}
+
+}  // namespace uwbpos

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// What a solver of ranges accepts: any contiguous range of `RangeTo<S, D>` (array, vector, span),
+/// checked once, in one place.
+
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <ranges>
+#include <span>
+#include <type_traits>
+
+#include "uwbpos/core/constants.hpp"
+#include "uwbpos/core/linalg.hpp"
+#include "uwbpos/core/result.hpp"
+
+namespace uwbpos {
+
+/// Scalar and dimension of a `RangeTo<S, D>`; empty for any other type.
+template <class T>
+struct RangeToTraits {};
+
+template <class S, int D>
+struct RangeToTraits<RangeTo<S, D>> {
+  using Scalar = S;
+  static constexpr int kDimension = D;
+};
+
+/// A contiguous, sized range of `RangeTo<S, D>` with D = 2 or 3.
+template <class R>
+concept RangeSet =
+    std::ranges::contiguous_range<R> && std::ranges::sized_range<R> &&
+    (RangeToTraits<std::remove_cv_t<std::ranges::range_value_t<R>>>::kDimension == 2 ||
+     RangeToTraits<std::remove_cv_t<std::ranges::range_value_t<R>>>::kDimension == 3);
+
+template <RangeSet R>
+using RangeSetScalar =
+    typename RangeToTraits<std::remove_cv_t<std::ranges::range_value_t<R>>>::Scalar;
+
+template <RangeSet R>
+inline constexpr int kRangeSetDimension =
+    RangeToTraits<std::remove_cv_t<std::ranges::range_value_t<R>>>::kDimension;
+
+/// What the solvers are compiled for: one instantiation per scalar and dimension.
+template <class S, int D>
+using RangeSpan = std::span<const RangeTo<S, D>>;
+
+template <RangeSet R>
+[[nodiscard]] constexpr auto as_range_span(const R& ranges) {
+  return RangeSpan<RangeSetScalar<R>, kRangeSetDimension<R>>{std::ranges::data(ranges),
+                                                             std::ranges::size(ranges)};
+}
+
+/// How many standard deviations below zero a range may lie and still be noise around zero.
+inline constexpr int kNegativeRangeSigmas = 3;
+
+/// The smallest standard deviation of a range that is believed [m]; its fourth power is still a
+/// normal float.
+template <class S>
+inline constexpr S kSmallestSigma = S(1e-9);
+
+/// The first thing wrong with a set of ranges, or nothing. O(n), no allocation.
+/// Error::TooFewMeasurements below `at_least`, Error::TooManyMeasurements above `kMaxMeasurements`;
+/// Error::NotFinite; Error::NonPositiveSigma below `kSmallestSigma`; Error::NegativeRange, more
+/// than three sigma below 0.
+template <class S, int D>
+[[nodiscard]] std::optional<Error> check_ranges(RangeSpan<S, D> ranges, int at_least) {
+  if (ranges.size() < static_cast<std::size_t>(at_least)) return Error::TooFewMeasurements;
+  if (ranges.size() > static_cast<std::size_t>(kMaxMeasurements)) {
+    return Error::TooManyMeasurements;
+  }
+  for (const RangeTo<S, D>& r : ranges) {
+    if (!all_finite(r.anchor) || !std::isfinite(r.range) || !std::isfinite(r.sigma)) {
+      return Error::NotFinite;
+    }
+    if (!(r.sigma >= kSmallestSigma<S>)) return Error::NonPositiveSigma;
+    if (r.range < -S(kNegativeRangeSigmas) * r.sigma) return Error::NegativeRange;
+  }
+  return std::nullopt;
+}
+
+/// Sum over the ranges of ((range − |position − anchor|) / sigma)². O(n·D), no allocation.
+template <class S, int D>
+[[nodiscard]] S chi_squared(RangeSpan<S, D> ranges, const Vec<S, D>& position) {
+  S sum = S(0);
+  for (const RangeTo<S, D>& r : ranges) {
+    const Vec<S, D> offset = position - r.anchor;
+    const S residual = (r.range - norm(offset)) / r.sigma;
+    sum += residual * residual;
+  }
+  return sum;
+}
+
+/// The χ² that rounding alone may leave at the true position when the lengths met reach `largest`
+/// [m]. O(n), no allocation.
+template <class S, int D>
+[[nodiscard]] S chi_squared_rounding(RangeSpan<S, D> ranges, S largest) {
+  const S length = S(8) * std::numeric_limits<S>::epsilon() * largest;
+  S sum = S(0);
+  for (const RangeTo<S, D>& r : ranges) sum += (length / r.sigma) * (length / r.sigma);
+  return sum;
+}
+
+}  // namespace uwbpos

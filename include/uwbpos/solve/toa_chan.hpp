@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// Chan's two-stage weighted least squares for ranges (Chan, Ho, IEEE Trans. Signal Process. 42(8),
+/// 1994, with [s; R = |s|²] as the unknown). Stage 1 takes s and R as independent:
+/// \f[ s_1 = N^{-1} h, \quad C_1 = N^{-1}/4, \qquad R_1 = \rho^2, \quad v_1 = 1/\textstyle\sum w.
+/// \f] Stage 2 restores g = R − |s|² = 0 by projecting along the covariance, which is the
+/// first-order form of Chan's signed square roots without their poles on the axes:
+/// \f[ s = s_1 + \frac{2 C_1 s_1}{v_1 + 4 s_1^T C_1 s_1} (R_1 - |s_1|^2), \qquad
+///     C = C_1 - \frac{(2 C_1 s_1)(2 C_1 s_1)^T}{v_1 + 4 s_1^T C_1 s_1}. \f]
+
+#include "uwbpos/solve/squared_ranges.hpp"
+
+namespace uwbpos {
+
+/// Position [m] from n ≥ D + 1 ranges to anchors that span the space, in the anchors' frame.
+/// Reaches the bound while noise is small beside the distances. O(n·D²), no allocation.
+/// Errors: those of `check_ranges`; Error::DegenerateGeometry when the anchors do not span.
+template <RangeSet R>
+[[nodiscard]] auto toa_chan(const R& ranges)
+    -> Result<Fix<RangeSetScalar<R>, kRangeSetDimension<R>>> {
+  using S = RangeSetScalar<R>;
+  constexpr int D = kRangeSetDimension<R>;
+  const RangeSpan<S, D> span = as_range_span(ranges);
+  if (const auto error = check_ranges<S, D>(span, D + 1)) return std::unexpected(*error);
+
+  const SquaredRanges<S, D> system = squared_ranges<S, D>(span);
+  const Ldlt<S, D> normal{system.normal};
+  if (!normal.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
+  const Vec<S, D> s = normal.solve(system.rhs);
+
+  const Vec<S, D> gain = normal.solve(s) * S(0.5);  // 2 C₁ s₁
+  const S innovation_variance = S(1) / system.total_weight + S(2) * dot(s, gain);
+  const S innovation = system.rho_squared - squared_norm(s);
+
+  Fix<S, D> fix;
+  fix.position = system.center + s + gain * (innovation / innovation_variance);
+  fix.covariance = normal.inverse() * S(0.25);
+  fix.covariance -= gain * gain.transpose() / innovation_variance;
+  fix.chi_squared = chi_squared<S, D>(span, fix.position);
+  fix.degrees_of_freedom = static_cast<int>(span.size()) - D;
+  if (!all_finite(fix.position)) return std::unexpected(Error::NotFinite);
+  return fix;
+}
+
+}  // namespace uwbpos

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// Position from ranges without iteration: D anchors, flat arrays of any number, or more. Exact on
+/// exact ranges. (000-15) and its 3-D form are the case n = D + 1, (000-16) the one on the axes.
+
+#include "uwbpos/solve/mirror_choice.hpp"
+#include "uwbpos/solve/toa_roots.hpp"
+
+namespace uwbpos {
+
+/// The two positions [m] that n ≥ D ranges allow, equal when there is one answer: the redundancy
+/// rules one out, or the tag lies in the anchors' plane (a root below zero by no more than five
+/// sigma is the plane itself). `first` fits no worse than `second`. O(n·D²), no allocation.
+/// Errors: those of `check_ranges`; Error::DegenerateGeometry, anchors that span fewer than D − 1
+/// dimensions; Error::InconsistentRanges, the circles or spheres miss one another beyond noise.
+template <RangeSet R>
+[[nodiscard]] auto toa_closed_form(const R& ranges)
+    -> Result<Mirror<RangeSetScalar<R>, kRangeSetDimension<R>>> {
+  using S = RangeSetScalar<R>;
+  constexpr int D = kRangeSetDimension<R>;
+  const RangeSpan<S, D> span = as_range_span(ranges);
+  if (const auto error = check_ranges<S, D>(span, D)) return std::unexpected(*error);
+  const Result<ToaRoots<S, D>> roots = toa_roots<S, D>(span);
+  if (!roots) return std::unexpected(roots.error());
+
+  const S slack = roots->rounding() + S(5) * std::sqrt(roots->square_variance);
+  if (roots->flat() && roots->square < -slack) return std::unexpected(Error::InconsistentRanges);
+  const Vec<S, D> foot = roots->center + roots->foot;
+  if (roots->square <= roots->rounding()) return Mirror<S, D>{foot, foot};
+
+  const Vec<S, D> root = std::sqrt(roots->square) * roots->direction;
+  Mirror<S, D> images{foot + root, foot - root};
+  if (roots->flat()) return images;
+  if (roots->linear < S(0)) std::swap(images.first, images.second);
+  S better = chi_squared<S, D>(span, images.first);
+  S worse = chi_squared<S, D>(span, images.second);
+  if (worse < better) {
+    std::swap(images.first, images.second);
+    std::swap(better, worse);
+  }
+  const int freedom = static_cast<int>(span.size()) - D;
+  if (rules_out(better, worse, freedom, S(9), chi_squared_rounding<S, D>(span, roots->largest))) {
+    images.second = images.first;
+  }
+  return images;
+}
+
+/// (000-16): anchors at (0, 0), (x2, 0) and (0, y3) at ranges d1, d2, d3 [m], in the plane:
+/// \f[ x = \frac{d_1^2 - d_2^2 + x_2^2}{2 x_2}, \qquad y = \frac{d_1^2 - d_3^2 + y_3^2}{2 y_3}. \f]
+/// The simplified TOA of the delivery robot: no root, no mirror image. Nine multiplications.
+/// Errors: Error::NotFinite; Error::NegativeRange; Error::DegenerateGeometry when x2 or y3 is 0.
+template <class S>
+[[nodiscard]] Result<Vec<S, 2>> toa_on_axes(S d1, S d2, S d3, S x2, S y3) {
+  if (!std::isfinite(d1) || !std::isfinite(d2) || !std::isfinite(d3) || !std::isfinite(x2) ||
+      !std::isfinite(y3)) {
+    return std::unexpected(Error::NotFinite);
+  }
+  if (d1 < S(0) || d2 < S(0) || d3 < S(0)) return std::unexpected(Error::NegativeRange);
+  if (x2 == S(0) || y3 == S(0)) return std::unexpected(Error::DegenerateGeometry);
+  const Vec<S, 2> position{((d1 - d2) * (d1 + d2) / x2 + x2) / 2,
+                           ((d1 - d3) * (d1 + d3) / y3 + y3) / 2};
+  if (!all_finite(position)) return std::unexpected(Error::NotFinite);
+  return position;
+}
+
+}  // namespace uwbpos

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// Weighted linear least squares on squared ranges: (2) of squared_ranges.hpp solved as it stands.
+/// It leaves |s|² = ρ² unused, so anchors must span the space (no ceiling, no line), and its error
+/// exceeds the bound; in return it is one linear solve that never iterates.
+
+#include "uwbpos/solve/squared_ranges.hpp"
+
+namespace uwbpos {
+
+/// Position [m] from n ≥ D + 1 ranges to anchors that span the space, in the anchors' frame.
+/// Covariance to first order. O(n·D²), no allocation.
+/// Errors: those of `check_ranges`; Error::DegenerateGeometry when the anchors do not span.
+template <RangeSet R>
+[[nodiscard]] auto toa_linear(const R& ranges)
+    -> Result<Fix<RangeSetScalar<R>, kRangeSetDimension<R>>> {
+  using S = RangeSetScalar<R>;
+  constexpr int D = kRangeSetDimension<R>;
+  const RangeSpan<S, D> span = as_range_span(ranges);
+  if (const auto error = check_ranges<S, D>(span, D + 1)) return std::unexpected(*error);
+
+  const SquaredRanges<S, D> system = squared_ranges<S, D>(span);
+  const Ldlt<S, D> normal{system.normal};
+  if (!normal.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
+  const Vec<S, D> s = normal.solve(system.rhs);
+
+  Fix<S, D> fix;
+  fix.position = system.center + s;
+  fix.covariance = normal.inverse() * S(0.25);
+  fix.chi_squared = chi_squared<S, D>(span, fix.position);
+  fix.degrees_of_freedom = static_cast<int>(span.size()) - D;
+  if (!all_finite(fix.position)) return std::unexpected(Error::NotFinite);
+  return fix;
+}
+
+}  // namespace uwbpos

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// The line on which squared ranges put the tag, and the two points of it that they leave.
+/// Pivoted elimination of (2) in squared_ranges.hpp determines all of s but the direction v that
+/// the anchors span worst (exactly the normal of a ceiling, of a wall, of a row):
+/// \f[ s = f + \tau v, \quad f \perp v, \qquad |s|^2 = \rho^2 \;\Rightarrow\;
+///     \tau = \pm \sqrt{q}, \quad q = \rho^2 - |f|^2. \qquad (1) \f]
+/// (1) holds for every geometry, flat or not; what the linear system itself says about τ, nothing
+/// when the anchors are flat, tells the two roots apart.
+
+#include <utility>
+
+#include "uwbpos/solve/squared_ranges.hpp"
+
+namespace uwbpos {
+
+/// The two roots `foot` ± √square · `direction`, relative to `center`.
+template <class S, int D>
+struct ToaRoots {
+  Vec<S, D> center;      ///< weighted mean of the anchors [m]
+  Vec<S, D> foot;        ///< f [m]
+  Vec<S, D> direction;   ///< v, unit length
+  S square;              ///< q [m²]; negative when noise puts the tag beyond the anchors' plane
+  S square_variance;     ///< its variance [m⁴], to first order
+  S linear;              ///< τ as the linear system has it [m]; 0 when it says nothing
+  S linear_information;  ///< 1/variance of `linear` [1/m²]; 0 for flat anchors
+  S largest;             ///< the greatest length met [m]
+
+  /// What `square` may be off by from rounding alone [m²].
+  [[nodiscard]] S rounding() const {
+    return S(64) * std::numeric_limits<S>::epsilon() * largest * largest;
+  }
+  /// True when the anchors lie in one plane (3-D) or line (2-D) to working precision.
+  [[nodiscard]] bool flat() const { return !(linear_information > S(0)); }
+};
+
+/// Solves (1) from checked ranges. O(n·D²), no allocation.
+/// Error::DegenerateGeometry when the anchors span fewer than D − 1 dimensions.
+template <class S, int D>
+[[nodiscard]] Result<ToaRoots<S, D>> toa_roots(RangeSpan<S, D> ranges) {
+  constexpr S kLost = S(16 * D) * std::numeric_limits<S>::epsilon();
+  constexpr int kLast = D - 1;
+  const SquaredRanges<S, D> system = squared_ranges<S, D>(ranges);
+  Mat<S, D> a;
+  for (int j = 0; j < D; ++j) {
+    for (int i = j; i < D; ++i) a(i, j) = a(j, i) = system.normal(i, j);
+  }
+  Vec<S, D> b = system.rhs;
+  int order[D];
+  for (int i = 0; i < D; ++i) order[i] = i;
+
+  S strongest = S(0);
+  S last_diagonal = a(kLast, kLast);
+  for (int k = 0; k < kLast; ++k) {
+    int best = k;
+    for (int i = k + 1; i < D; ++i) best = a(i, i) > a(best, best) ? i : best;
+    for (int i = 0; i < D; ++i) std::swap(a(k, i), a(best, i));
+    for (int i = 0; i < D; ++i) std::swap(a(i, k), a(i, best));
+    std::swap(b[k], b[best]);
+    std::swap(order[k], order[best]);
+    if (k == 0) strongest = a(0, 0);
+    if (!(a(k, k) > kLost * strongest) || !(strongest > S(0))) {
+      return std::unexpected(Error::DegenerateGeometry);
+    }
+    if (k == kLast - 1) last_diagonal = a(kLast, kLast);
+    for (int i = k + 1; i < D; ++i) {
+      const S factor = a(i, k) / a(k, k);
+      for (int j = k + 1; j < D; ++j) a(i, j) -= factor * a(k, j);
+      b[i] -= factor * b[k];
+    }
+  }
+
+  // Back substitution twice: with the last coordinate 0 (base), and its derivative (slope).
+  Vec<S, D> base;
+  Vec<S, D> slope;
+  base[kLast] = S(0);
+  slope[kLast] = S(1);
+  for (int k = kLast - 1; k >= 0; --k) {
+    S at_zero = b[k];
+    S derivative = S(0);
+    for (int j = k + 1; j < D; ++j) {
+      at_zero -= a(k, j) * base[j];
+      derivative -= a(k, j) * slope[j];
+    }
+    base[k] = at_zero / a(k, k);
+    slope[k] = derivative / a(k, k);
+  }
+  const S length = norm(slope);
+  const Vec<S, D> axis = slope / length;
+  const S along = dot(base, axis);
+  const Vec<S, D> foot = base - along * axis;
+
+  // var(q) = var(ρ²) + 4 fᵀ cov(f) f, with cov = normal⁻¹/4 of the strong block.
+  S spread = S(0);
+  Vec<S, D> z = foot;
+  for (int k = 0; k < kLast; ++k) {
+    spread += z[k] * z[k] / a(k, k);
+    for (int i = k + 1; i < kLast; ++i) z[i] -= a(k, i) / a(k, k) * z[k];
+  }
+
+  ToaRoots<S, D> roots;
+  roots.center = system.center;
+  roots.largest = system.largest;
+  roots.square = system.rho_squared - squared_norm(foot);
+  roots.square_variance = S(1) / system.total_weight + spread;
+  for (int i = 0; i < D; ++i) {
+    roots.foot[order[i]] = foot[i];
+    roots.direction[order[i]] = axis[i];
+  }
+  // The flat direction keeps only rounding noise of the diagonal that the elimination consumed.
+  const S pivot = a(kLast, kLast);
+  const bool flat = !(pivot > kLost * last_diagonal) || !(pivot > kLost * kLost * strongest);
+  roots.linear = flat ? S(0) : along + b[kLast] / pivot * length;
+  roots.linear_information = flat ? S(0) : S(4) * pivot / (length * length);
+  if (!all_finite(roots.foot) || !all_finite(roots.direction) || !std::isfinite(roots.square) ||
+      !std::isfinite(roots.square_variance) || !std::isfinite(roots.linear)) {
+    return std::unexpected(Error::NotFinite);
+  }
+  return roots;
+}
+
+}  // namespace uwbpos
