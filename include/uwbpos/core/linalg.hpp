@@ -52,16 +52,13 @@ void add_outer(Mat<S, D>& sum, const Vec<S, D>& g, S weight) {
   }
 }
 
-/// Product of a symmetric matrix, of which only the lower triangle is read, and a vector.
+/// The symmetric matrix that has this lower triangle.
 template <class S, int D>
-[[nodiscard]] Vec<S, D> symmetric_product(const Mat<S, D>& a, const Vec<S, D>& x) {
-  Vec<S, D> y;
-  for (int i = 0; i < D; ++i) {
-    S sum = S(0);
-    for (int j = 0; j < D; ++j) sum += (i >= j ? a(i, j) : a(j, i)) * x[j];
-    y[i] = sum;
+[[nodiscard]] Mat<S, D> symmetric_from_lower(Mat<S, D> a) {
+  for (int j = 0; j < D; ++j) {
+    for (int i = j + 1; i < D; ++i) a(j, i) = a(i, j);
   }
-  return y;
+  return a;
 }
 
 /// A = L·diag(d)·Lᵀ of a symmetric positive definite D × D matrix, of which only the lower triangle

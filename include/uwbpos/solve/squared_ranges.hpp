@@ -15,7 +15,7 @@
 #include <cmath>
 #include <limits>
 
-#include "uwbpos/solve/range_set.hpp"
+#include "uwbpos/model/range_set.hpp"
 
 namespace uwbpos {
 

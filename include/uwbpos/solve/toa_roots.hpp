@@ -43,10 +43,7 @@ template <class S, int D>
   constexpr S kLost = S(16 * D) * std::numeric_limits<S>::epsilon();
   constexpr int kLast = D - 1;
   const SquaredRanges<S, D> system = squared_ranges<S, D>(ranges);
-  Mat<S, D> a;
-  for (int j = 0; j < D; ++j) {
-    for (int i = j; i < D; ++i) a(i, j) = a(j, i) = system.normal(i, j);
-  }
+  Mat<S, D> a = symmetric_from_lower(system.normal);
   Vec<S, D> b = system.rhs;
   int order[D];
   for (int i = 0; i < D; ++i) order[i] = i;

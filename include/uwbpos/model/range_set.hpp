@@ -2,8 +2,8 @@
 #pragma once
 
 /// @file
-/// What a solver of ranges accepts: any contiguous range of `RangeTo<S, D>` (array, vector, span),
-/// checked once, in one place.
+/// What solvers and bounds accept as ranges: any contiguous range of `RangeTo<S, D>` (array,
+/// vector, span), checked once, in one place.
 
 #include <cmath>
 #include <cstddef>
@@ -98,7 +98,7 @@ template <class S, int D>
 /// [m]. O(n), no allocation.
 template <class S, int D>
 [[nodiscard]] S chi_squared_rounding(RangeSpan<S, D> ranges, S largest) {
-  const S length = S(8) * std::numeric_limits<S>::epsilon() * largest;
+  const S length = S(4) * std::numeric_limits<S>::epsilon() * largest;
   S sum = S(0);
   for (const RangeTo<S, D>& r : ranges) sum += (length / r.sigma) * (length / r.sigma);
   return sum;
