@@ -47,6 +47,7 @@ template <std::ranges::contiguous_range A, class S = typename std::ranges::range
   const S horizontal = q(0, 0) + q(1, 1);
   const S vertical = D == 3 ? q(D - 1, D - 1) : S(0);
   const S position_dilution = std::sqrt(horizontal + vertical);
+  if (!std::isfinite(position_dilution)) return std::unexpected(Error::DegenerateGeometry);
   return Dop<S>{position_dilution, position_dilution, std::sqrt(horizontal), std::sqrt(vertical)};
 }
 
