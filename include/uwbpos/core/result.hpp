@@ -14,6 +14,7 @@ namespace uwbpos {
 enum class Error : std::uint8_t {
   // Any input.
   NotFinite,
+  NumericOverflow,
   NonPositiveSigma,
   InvalidOption,
   // The set of measurements.
@@ -53,6 +54,8 @@ inline constexpr int kErrorCount = static_cast<int>(Error::InvalidTable) + 1;
   switch (error) {
     case Error::NotFinite:
       return "an input is NaN or infinite";
+    case Error::NumericOverflow:
+      return "the numbers are too large or too small for the scalar type";
     case Error::NonPositiveSigma:
       return "a standard deviation is zero, negative or below a nanometre";
     case Error::InvalidOption:

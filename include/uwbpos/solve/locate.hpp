@@ -13,7 +13,7 @@ namespace uwbpos {
 
 namespace detail {
 
-inline constexpr int kLocateIterations = 50;
+inline constexpr int kLocateIterations = 100;
 
 /// Flat anchors: two images that fit equally well, or the plane itself.
 template <class S, int D>
@@ -80,7 +80,8 @@ Result<Descent<S, D>> locate_spanned(RangeSpan<S, D> ranges, const ToaRoots<S, D
   const Vec<S, D> apart = best->position - other->position;
   const S same = S(1e-3) * roots.largest;
   if (squared_norm(apart) <= same * same) return best;
-  const Vec<S, D> scaled = Ldlt<S, D>{best->covariance}.solve(apart);
+  const Mat<S, D> information = symmetric_from_lower(best->information);
+  const Vec<S, D> scaled = information * apart;
   if (dot(apart, scaled) < S(1)) return best;
 
   const int freedom = static_cast<int>(ranges.size()) - D;
@@ -112,8 +113,7 @@ Result<Fix<S, D>> locate_ranges(RangeSpan<S, D> ranges, const LocateOptions<S, D
   const Result<Descent<S, D>> found = roots->flat() ? locate_flat(ranges, *roots, options)
                                                     : locate_spanned(ranges, *roots, options);
   if (!found) return std::unexpected(found.error());
-  return Fix<S, D>{roots->center + found->position, found->covariance, found->chi_squared,
-                   static_cast<int>(ranges.size()) - D};
+  return make_fix<S, D>(ranges, roots->center + found->position, found->information);
 }
 
 }  // namespace detail
@@ -127,7 +127,7 @@ Result<Fix<S, D>> locate_ranges(RangeSpan<S, D> ranges, const LocateOptions<S, D
 /// Error::NotFinite in an option; Error::DegenerateGeometry, anchors in one point, or in one line
 /// in space; Error::AmbiguousSolution, mirror images and neither side nor prior;
 /// Error::InconsistentRanges, circles or spheres that miss one another beyond noise and no
-/// redundancy to say where; Error::NotConverged.
+/// redundancy to say where; Error::NotConverged; Error::NumericOverflow.
 template <RangeSet R>
 [[nodiscard]] auto locate(
     const R& ranges,

@@ -8,15 +8,17 @@
 /// \f] Stage 2 restores g = R − |s|² = 0 by projecting along the covariance, which is the
 /// first-order form of Chan's signed square roots without their poles on the axes:
 /// \f[ s = s_1 + \frac{2 C_1 s_1}{v_1 + 4 s_1^T C_1 s_1} (R_1 - |s_1|^2), \qquad
-///     C = C_1 - \frac{(2 C_1 s_1)(2 C_1 s_1)^T}{v_1 + 4 s_1^T C_1 s_1}. \f]
+///     C^{-1} = 4 N + 4 s_1 s_1^T / v_1. \f]
 
+#include "uwbpos/solve/fix.hpp"
 #include "uwbpos/solve/squared_ranges.hpp"
 
 namespace uwbpos {
 
 /// Position [m] from n ≥ D + 1 ranges to anchors that span the space, in the anchors' frame.
 /// Reaches the bound while noise is small beside the distances. O(n·D²), no allocation.
-/// Errors: those of `check_ranges`; Error::DegenerateGeometry when the anchors do not span.
+/// Errors: those of `check_ranges`; Error::DegenerateGeometry when the anchors do not span;
+/// Error::NumericOverflow.
 template <RangeSet R>
 [[nodiscard]] auto toa_chan(const R& ranges)
     -> Result<Fix<RangeSetScalar<R>, kRangeSetDimension<R>>> {
@@ -34,14 +36,10 @@ template <RangeSet R>
   const S innovation_variance = S(1) / system.total_weight + S(2) * dot(s, gain);
   const S innovation = system.rho_squared - squared_norm(s);
 
-  Fix<S, D> fix;
-  fix.position = system.center + s + gain * (innovation / innovation_variance);
-  fix.covariance = normal.inverse() * S(0.25);
-  fix.covariance -= gain * gain.transpose() / innovation_variance;
-  fix.chi_squared = chi_squared<S, D>(span, fix.position);
-  fix.degrees_of_freedom = static_cast<int>(span.size()) - D;
-  if (!all_finite(fix.position)) return std::unexpected(Error::NotFinite);
-  return fix;
+  Mat<S, D> information = system.normal * S(4);
+  add_outer(information, s, S(4) * system.total_weight);
+  return make_fix<S, D>(span, system.center + s + gain * (innovation / innovation_variance),
+                        information);
 }
 
 }  // namespace uwbpos

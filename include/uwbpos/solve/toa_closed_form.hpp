@@ -14,7 +14,8 @@ namespace uwbpos {
 /// rules one out, or the tag lies in the anchors' plane (a root below zero by no more than five
 /// sigma is the plane itself). `first` fits no worse than `second`. O(n·D²), no allocation.
 /// Errors: those of `check_ranges`; Error::DegenerateGeometry, anchors that span fewer than D − 1
-/// dimensions; Error::InconsistentRanges, the circles or spheres miss one another beyond noise.
+/// dimensions; Error::InconsistentRanges, the circles or spheres miss one another beyond noise;
+/// Error::NumericOverflow.
 template <RangeSet R>
 [[nodiscard]] auto toa_closed_form(const R& ranges)
     -> Result<Mirror<RangeSetScalar<R>, kRangeSetDimension<R>>> {
@@ -50,7 +51,8 @@ template <RangeSet R>
 /// (000-16): anchors at (0, 0), (x2, 0) and (0, y3) at ranges d1, d2, d3 [m], in the plane:
 /// \f[ x = \frac{d_1^2 - d_2^2 + x_2^2}{2 x_2}, \qquad y = \frac{d_1^2 - d_3^2 + y_3^2}{2 y_3}. \f]
 /// The simplified TOA of the delivery robot: no root, no mirror image. Nine multiplications.
-/// Errors: Error::NotFinite; Error::NegativeRange; Error::DegenerateGeometry when x2 or y3 is 0.
+/// Errors: Error::NotFinite; Error::NegativeRange; Error::DegenerateGeometry when x2 or y3 is 0;
+/// Error::NumericOverflow.
 template <class S>
 [[nodiscard]] Result<Vec<S, 2>> toa_on_axes(S d1, S d2, S d3, S x2, S y3) {
   if (!std::isfinite(d1) || !std::isfinite(d2) || !std::isfinite(d3) || !std::isfinite(x2) ||
@@ -61,7 +63,7 @@ template <class S>
   if (x2 == S(0) || y3 == S(0)) return std::unexpected(Error::DegenerateGeometry);
   const Vec<S, 2> position{((d1 - d2) * (d1 + d2) / x2 + x2) / 2,
                            ((d1 - d3) * (d1 + d3) / y3 + y3) / 2};
-  if (!all_finite(position)) return std::unexpected(Error::NotFinite);
+  if (!all_finite(position)) return std::unexpected(Error::NumericOverflow);
   return position;
 }
 

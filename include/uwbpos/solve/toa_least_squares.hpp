@@ -12,6 +12,7 @@
 /// centre, because a float has 24 bits and squares of building coordinates eat them.
 
 #include "uwbpos/model/range.hpp"
+#include "uwbpos/solve/fix.hpp"
 #include "uwbpos/solve/toa_closed_form.hpp"
 
 namespace uwbpos {
@@ -39,6 +40,7 @@ struct RangeNormal {
   Mat<S, D> information;  ///< J, lower triangle
   Vec<S, D> gradient;     ///< right-hand side of (1)
   S chi_squared;
+  S pull;  ///< Σ |r − ρ| / (ρ σ²) over ranges shorter than predicted: bounds what J leaves out
 };
 
 /// Evaluates (1) at `position`, relative to `center` like `prior`. O(n·D²), no allocation.
@@ -52,6 +54,7 @@ template <class S, int D>
   const Vec<S, D> to_prior = prior.point - position;
   normal.gradient = prior.direction * (prior.information * dot(prior.direction, to_prior));
   normal.chi_squared = S(0);
+  normal.pull = S(0);
   for (const RangeTo<S, D>& r : ranges) {
     const Vec<S, D> anchor = r.anchor - center;
     const RangePrediction<S, D> predicted = predict_range(position, anchor);
@@ -61,27 +64,29 @@ template <class S, int D>
     add_outer(normal.information, predicted.gradient, weight);
     normal.gradient += weighted * predicted.gradient;
     normal.chi_squared += weighted * residual;
+    if (weighted < S(0)) normal.pull -= weighted / predicted.range;
   }
   return normal;
 }
 
-/// Where the descent from one start ended, relative to the centre.
+/// Where the descent from one start ended, relative to the centre, and J there.
 template <class S, int D>
 struct Descent {
   Vec<S, D> position;
-  Mat<S, D> covariance;
+  Mat<S, D> information;
   S chi_squared;
 };
 
 /// Descends (1) from `start` to the minimum in whose basin it lies. All relative to `center`;
 /// `largest` is the scale of rounding errors [m]. Each iteration O(n·D²), no allocation.
-/// Error::NotConverged; Error::DegenerateGeometry where J is singular at the minimum.
+/// Error::NotConverged.
 template <class S, int D>
 [[nodiscard]] Result<Descent<S, D>> descend(RangeSpan<S, D> ranges, const Vec<S, D>& center,
                                             const Vec<S, D>& start, S largest, int max_iterations,
                                             const DirectionPrior<S, D>& prior = {}) {
   constexpr S kEpsilon = std::numeric_limits<S>::epsilon();
   constexpr S kSmallStep = S(1e-8);  // a ten-thousandth of a standard deviation, squared
+  constexpr S kLeastDamping = S(1e-3);
   const S rounding = S(4) * kEpsilon * largest;
   Vec<S, D> position = start;
   RangeNormal<S, D> normal = range_normal(ranges, center, position, prior);
@@ -89,33 +94,27 @@ template <class S, int D>
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
     S trace = S(0);
     for (int i = 0; i < D; ++i) trace += normal.information(i, i);
-    Mat<S, D> damped = normal.information;
-    for (int i = 0; i < D; ++i) damped(i, i) += damping * trace;
-    const Ldlt<S, D> factor{damped};
-    if (!factor.positive_definite()) {
-      if (damping > S(1)) break;
-      damping = damping > S(0) ? damping * S(10) : S(1e-3);
-      continue;
+    const Ldlt<S, D> undamped{normal.information};
+    Vec<S, D> step = undamped.solve(normal.gradient);
+    bool still = undamped.positive_definite() && dot(step, normal.gradient) <= kSmallStep;
+    if (damping > S(0) || !undamped.positive_definite()) {
+      Mat<S, D> damped = normal.information;
+      for (int i = 0; i < D; ++i) damped(i, i) += std::max(damping, kLeastDamping) * trace;
+      step = Ldlt<S, D>{damped}.solve(normal.gradient);
     }
-    const Vec<S, D> step = factor.solve(normal.gradient);
-    const S length = squared_norm(step);
+    still = still || squared_norm(step) <= rounding * rounding;
     const Vec<S, D> trial = position + step;
     const RangeNormal<S, D> next = range_normal(ranges, center, trial, prior);
-    const bool still = dot(step, normal.gradient) <= kSmallStep || length <= rounding * rounding;
-    if (!still && !(next.chi_squared <= normal.chi_squared + trace * rounding * rounding)) {
-      if (damping > S(1e6)) break;  // the minimum of an abyss, or not a number
-      damping = damping > S(0) ? damping * S(10) : S(1e-3);
-      continue;
+    if (next.chi_squared <= normal.chi_squared + trace * rounding * rounding) {
+      position = trial;
+      normal = next;
+      damping = damping > S(4) * kLeastDamping ? damping / S(4) : S(0);
+    } else if (!still) {
+      // Gauss-Newton lacks the curvature of the residuals; their pull bounds it.
+      damping = std::max(damping * S(4), std::max(normal.pull / trace, kLeastDamping));
     }
-    position = trial;
-    normal = next;
-    if (still && damping <= S(1e-3)) {
-      const Ldlt<S, D> information{normal.information};
-      if (!information.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
-      if (!all_finite(position)) break;
-      return Descent<S, D>{position, information.inverse(), normal.chi_squared};
-    }
-    damping = damping > S(1e-6) ? damping / S(10) : S(0);
+    if (still) return Descent<S, D>{position, normal.information, normal.chi_squared};
+    if (!(damping < S(1e6))) break;
   }
   return std::unexpected(Error::NotConverged);
 }
@@ -139,7 +138,7 @@ template <class S, int D>
 /// confuse, and for flat anchors, call `locate`. O(n·D²) an iteration, no allocation.
 /// Errors: those of `check_ranges`; Error::NotFinite, Error::InvalidOption for the options;
 /// Error::DegenerateGeometry; Error::AmbiguousSolution, flat anchors and no initial position;
-/// Error::NotConverged.
+/// Error::NotConverged; Error::NumericOverflow.
 template <RangeSet R>
 [[nodiscard]] auto toa_least_squares(
     const R& ranges,
@@ -171,8 +170,7 @@ template <RangeSet R>
   const Result<Descent<S, D>> descent =
       descend<S, D>(span, center, start, largest, options.max_iterations);
   if (!descent) return std::unexpected(descent.error());
-  return Fix<S, D>{center + descent->position, descent->covariance, descent->chi_squared,
-                   static_cast<int>(span.size()) - D};
+  return make_fix<S, D>(span, center + descent->position, descent->information);
 }
 
 }  // namespace uwbpos

@@ -6,13 +6,15 @@
 /// It leaves |s|² = ρ² unused, so anchors must span the space (no ceiling, no line), and its error
 /// exceeds the bound; in return it is one linear solve that never iterates.
 
+#include "uwbpos/solve/fix.hpp"
 #include "uwbpos/solve/squared_ranges.hpp"
 
 namespace uwbpos {
 
 /// Position [m] from n ≥ D + 1 ranges to anchors that span the space, in the anchors' frame.
 /// Covariance to first order. O(n·D²), no allocation.
-/// Errors: those of `check_ranges`; Error::DegenerateGeometry when the anchors do not span.
+/// Errors: those of `check_ranges`; Error::DegenerateGeometry when the anchors do not span;
+/// Error::NumericOverflow.
 template <RangeSet R>
 [[nodiscard]] auto toa_linear(const R& ranges)
     -> Result<Fix<RangeSetScalar<R>, kRangeSetDimension<R>>> {
@@ -26,13 +28,7 @@ template <RangeSet R>
   if (!normal.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
   const Vec<S, D> s = normal.solve(system.rhs);
 
-  Fix<S, D> fix;
-  fix.position = system.center + s;
-  fix.covariance = normal.inverse() * S(0.25);
-  fix.chi_squared = chi_squared<S, D>(span, fix.position);
-  fix.degrees_of_freedom = static_cast<int>(span.size()) - D;
-  if (!all_finite(fix.position)) return std::unexpected(Error::NotFinite);
-  return fix;
+  return make_fix<S, D>(span, system.center + s, system.normal * S(4));
 }
 
 }  // namespace uwbpos

@@ -37,7 +37,8 @@ struct ToaRoots {
 };
 
 /// Solves (1) from checked ranges. O(n·D²), no allocation.
-/// Error::DegenerateGeometry when the anchors span fewer than D − 1 dimensions.
+/// Error::DegenerateGeometry when the anchors span fewer than D − 1 dimensions;
+/// Error::NumericOverflow.
 template <class S, int D>
 [[nodiscard]] Result<ToaRoots<S, D>> toa_roots(RangeSpan<S, D> ranges) {
   constexpr S kLost = S(16 * D) * std::numeric_limits<S>::epsilon();
@@ -113,7 +114,7 @@ template <class S, int D>
   roots.linear_information = flat ? S(0) : S(4) * pivot / (length * length);
   if (!all_finite(roots.foot) || !all_finite(roots.direction) || !std::isfinite(roots.square) ||
       !std::isfinite(roots.square_variance) || !std::isfinite(roots.linear)) {
-    return std::unexpected(Error::NotFinite);
+    return std::unexpected(Error::NumericOverflow);
   }
   return roots;
 }

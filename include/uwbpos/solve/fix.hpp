@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// The last step of every solver of ranges: from a position and its information to a `Fix`.
+
+#include "uwbpos/model/range_set.hpp"
+
+namespace uwbpos {
+
+/// A fix at `position` [m] with covariance `information`⁻¹ (lower triangle, 1/m²).
+/// O(n·D + D³), no allocation. Error::DegenerateGeometry, singular information;
+/// Error::NumericOverflow, a result that is not finite.
+template <class S, int D>
+[[nodiscard]] Result<Fix<S, D>> make_fix(RangeSpan<S, D> ranges, const Vec<S, D>& position,
+                                         const Mat<S, D>& information) {
+  const Ldlt<S, D> factor{information};
+  if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
+  const Fix<S, D> fix{position, factor.inverse(), chi_squared<S, D>(ranges, position),
+                      static_cast<int>(ranges.size()) - D};
+  if (!all_finite(fix.position) || !all_finite(fix.covariance) || !std::isfinite(fix.chi_squared)) {
+    return std::unexpected(Error::NumericOverflow);
+  }
+  return fix;
+}
+
+}  // namespace uwbpos
