@@ -65,6 +65,19 @@ constexpr Error twr_options_error(const TwrOptions<S>& o) {
   return o.sigma_timestamp <= 0 ? Error::NonPositiveSigma : Error::InvalidOption;
 }
 
+/// A count of ticks as a scalar. A 32-bit processor without double has no instruction for this;
+/// in halves it takes five, to within 1.5e-7 of the count plus 256 ticks where that is negative.
+template <class S>
+constexpr S scalar_ticks(std::int64_t ticks) {
+  if constexpr (std::numeric_limits<S>::digits <= 24) {
+    const auto high = static_cast<std::int32_t>(ticks >> 32);
+    const auto low = static_cast<std::uint32_t>(ticks);
+    return static_cast<S>(high) * S(4294967296.0) + static_cast<S>(low);
+  } else {
+    return static_cast<S>(ticks);
+  }
+}
+
 /// Which error an interval is that is not positive: half the counter's range has no sign.
 constexpr Error interval_error(std::int64_t interval) {
   return interval == -DeviceTime<>::kHalfWrap ? Error::IntervalTooLong : Error::NonPositiveInterval;

@@ -65,6 +65,9 @@ struct RateTrackerOptions {
   S max_rate_step = S(0.3e-6);
   /// A gap longer than this [µs] starts afresh. At most a thousand hours.
   std::int64_t max_gap = 300'000'000;
+  /// A pair that the host saw this much before the last one [µs] is late or repeated, not a sign
+  /// that the host's clock was set back.
+  std::int64_t reorder_window = 1'000'000;
   /// How far the host's interval may be off [µs]: when two wrap counts of A lie within it, host
   /// time alone does not tell them apart.
   std::int64_t host_jitter = 50'000;
@@ -88,8 +91,8 @@ class RateTracker {
   ///
   /// Errors, in the order they are looked for:
   /// - InvalidOption: an option is NaN or outside its domain. Nothing changes.
-  /// - TimeNotIncreasing: host time stands still or steps back. A step back of no more than
-  ///   `max_gap` is a late or repeated frame and is ignored; a longer one starts afresh.
+  /// - TimeNotIncreasing: host time stands still or steps back. A step back within
+  ///   `reorder_window` is a late or repeated frame and is ignored; a longer one starts afresh.
   /// - NotYetTracked: the first event.
   /// - GapTooLong: the gap exceeds `max_gap`, or \f$ \delta_{max} \Delta A \f$ reaches half a wrap
   ///   (32 bits, 80 ppm: 420 s). Starts afresh from this event.
@@ -118,7 +121,8 @@ class RateTracker {
     return o.sigma_timestamp > 0 && o.sigma_timestamp < S(1) && o.max_clock_offset > 0 &&
            o.max_clock_offset < S(0.1) && o.wander >= 0 && o.wander < S(1) &&
            o.max_rate_step >= 0 && o.max_rate_step < S(1) && o.max_gap > 0 &&
-           o.max_gap <= 3'600'000'000'000 && o.host_jitter >= 0 && o.host_jitter <= o.max_gap;
+           o.max_gap <= 3'600'000'000'000 && o.reorder_window >= 0 && o.host_jitter >= 0 &&
+           o.host_jitter <= o.max_gap;
   }
 
   // 63.8976 ticks a nanosecond.
@@ -158,7 +162,7 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
   std::int64_t gap = 0;
   const bool overflow = __builtin_sub_overflow(host, host_, &gap);
   if (host <= host_) {
-    if (overflow || -gap > options_.max_gap) restart(a, b, host, Error::TimeNotIncreasing);
+    if (overflow || -gap > options_.reorder_window) restart(a, b, host, Error::TimeNotIncreasing);
     return std::unexpected(Error::TimeNotIncreasing);
   }
   if (overflow || gap > options_.max_gap) {
@@ -181,54 +185,56 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
       DeviceTime<Bits>{b.ticks() - b_.ticks()} - DeviceTime<Bits>{a.ticks() - a_.ticks()};
   const auto rate_over = [&](std::int64_t ticks) { return S(difference) / S(ticks); };
   const std::int64_t mismatch = host_interval - interval;
-  std::int64_t other = mismatch < 0 ? interval - kWrap : interval + kWrap;
+  const std::int64_t other = mismatch < 0 ? interval - kWrap : interval + kWrap;
   const bool has_other = other > 0;
   const bool doubtful = has_other && std::max(other - host_interval, host_interval - other) <=
                                          to_ticks(options_.host_jitter);
 
-  const S seconds = S(interval) * kTickSeconds<S>;
-  const S walk = options_.wander * options_.wander * seconds;
+  const S wander = options_.wander * options_.wander * kTickSeconds<S>;
+  const S walk = wander * S(host_interval);
   // The measurement is the mean rate over the interval, not the rate at its end.
-  const S stamp = options_.sigma_timestamp / seconds;
-  const S noise = 2 * stamp * stamp + walk / 3;
-  const S prior = state_.variance + walk;
-  const S gate = kGate * std::sqrt(prior + noise) + options_.max_rate_step;
-
+  const auto noise_over = [&](std::int64_t ticks) {
+    const S stamp = options_.sigma_timestamp / (S(ticks) * kTickSeconds<S>);
+    return 2 * stamp * stamp + walk / 3;
+  };
   S measured = rate_over(interval);
+  S noise = noise_over(interval);
   S doubt = doubtful ? std::abs(measured - rate_over(other)) : S(0);
   if (!tracked_) {
-    rebase(a, b, host);
     if (!(std::abs(measured) <= options_.max_clock_offset)) {
       return std::unexpected(restart(a, b, host, Error::ClockOffsetOutOfBounds));
     }
-    state_ = {measured, noise + doubt * doubt};
+    rebase(a, b, host);
     tracked_ = true;
+    state_ = {measured, noise + doubt * doubt};
     return state_;
   }
 
   // A rate known well enough tells the two wrap counts apart.
+  const S prior = state_.variance + walk;
   const S known = kGate * std::sqrt(prior + noise);
-  if (has_other && (doubtful || !(std::abs(measured - state_.value) <= known))) {
-    const S alternative = rate_over(other);
-    if (std::abs(alternative - state_.value) < std::abs(measured - state_.value)) {
-      std::swap(interval, other);
-      measured = alternative;
+  const auto departure = [&](S rate) { return std::abs(rate - state_.value); };
+  if (has_other && (doubtful || !(departure(measured) <= known))) {
+    S farther = rate_over(other);
+    if (departure(farther) < departure(measured)) {
+      std::swap(measured, farther);
+      noise = noise_over(other);
     }
-    if (known < std::abs(rate_over(other) - state_.value)) doubt = 0;
+    if (departure(farther) > known) doubt = 0;
   }
 
-  const S innovation = measured - state_.value;
-  if (!(std::abs(innovation) <= gate) || !(std::abs(measured) <= options_.max_clock_offset)) {
+  if (!(departure(measured) <= known + options_.max_rate_step) ||
+      !(std::abs(measured) <= options_.max_clock_offset)) {
     if (jumped_) return std::unexpected(restart(a, b, host, Error::ClockJump));
     rebase(a, b, host);
     state_.variance = prior;
     jumped_ = true;
     return std::unexpected(Error::ClockJump);
   }
-  jumped_ = false;
   rebase(a, b, host);
+  jumped_ = false;
   const S gain = prior / (prior + noise);
-  state_ = {state_.value + gain * innovation, std::max(gain * noise, doubt * doubt)};
+  state_ = {state_.value + gain * (measured - state_.value), std::max(gain * noise, doubt * doubt)};
   return state_;
 }
 
