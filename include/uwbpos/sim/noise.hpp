@@ -22,6 +22,10 @@ class Random {
   /// Seeded from a name (FNV-1a), so that each test or stream has its own numbers.
   constexpr explicit Random(std::string_view name) : Random{hash(name)} {}
 
+  /// The stream `name` of a seed: streams of one seed are independent, so that what one concern
+  /// draws does not move another's numbers.
+  constexpr Random(std::uint64_t seed, std::string_view name) : Random{seed + hash(name)} {}
+
   /// 64 independent random bits.
   constexpr std::uint64_t bits() {
     const std::uint64_t result = rotate(state_[0] + state_[3], 23) + state_[0];
