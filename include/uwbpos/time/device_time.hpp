@@ -14,7 +14,7 @@ namespace uwbpos {
 /// the true difference as long as that lies below half the counter's range.
 template <unsigned Bits = 40>
 class DeviceTime {
-  static_assert(Bits >= 8 && Bits <= 63, "a counter has 8 to 63 bits");
+  static_assert(Bits >= 8 && Bits <= 62, "a counter has 8 to 62 bits");
 
  public:
   static constexpr unsigned kBits = Bits;

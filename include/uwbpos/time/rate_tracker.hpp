@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// A tracker of one clock's rate against another's, from pairs of stamps of the same events: a poll
+/// that A sends and B receives, say (the time of flight cancels but for motion: 1 m/s is
+/// 0.003 ppm). From two successive events
+///   (1) \f$ \delta = (\Delta B - \Delta A)/\Delta A = (e_B - e_A)/(1 + e_A) \f$.
+/// With counters of W = 2^Bits ticks only ΔA mod W and ΔB mod W are seen:
+///   (2) ΔB − ΔA is its own signed residue as long as |δ|ΔA < W/2, however often both wrapped;
+///   (3) ΔA = residue + kW, with the k that brings it nearest to the host's interval.
+/// A k that is wrong by one scales δ by ΔA/(ΔA ± W) and does nothing else. It happens: a host that
+/// reads a queue sees intervals that are not those of the exchanges. So where the second nearest k
+/// explains the stamps by the tracked rate and the nearest does not, it is taken; and while no rate
+/// is known that could tell two plausible ones apart, the variance says so. A long gap, over which
+/// the host cannot be wrong by much, settles it.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <utility>
+
+#include "uwbpos/core/constants.hpp"
+#include "uwbpos/core/result.hpp"
+#include "uwbpos/core/types.hpp"
+#include "uwbpos/time/device_time.hpp"
+#include "uwbpos/time/unwrap.hpp"
+
+namespace uwbpos {
+
+/// How a `RateTracker` weighs what it sees.
+template <class S>
+struct RateTrackerOptions {
+  /// Standard deviation of one stamp [s].
+  S sigma_timestamp = S(0.15e-9);
+  /// |δ| beyond this is refused: two crystals of ±20 ppm, and as much again.
+  S max_clock_offset = S(80e-6);
+  /// How the rate wanders: standard deviation after one second [1/√s]; grows with √time.
+  S wander = S(5e-9);
+  /// A change of δ beyond six standard deviations plus this is no wander but a jump.
+  S max_rate_step = S(0.3e-6);
+  /// A gap longer than this [µs] starts afresh. At most a thousand hours.
+  std::int64_t max_gap = 300'000'000;
+  /// A pair that the host saw this much before the last one [µs] is late or repeated, not a sign
+  /// that the host's clock was set back.
+  std::int64_t reorder_window = 1'000'000;
+  /// How far the host's interval may be off [µs]: when two wrap counts of A lie within it, host
+  /// time alone does not tell them apart.
+  std::int64_t host_jitter = 50'000;
+};
+
+/// Follows the rate of clock B against clock A from pairs of stamps of the same events.
+/// One scalar Kalman filter: state δ, random walk of density `wander`², measurement (1) with
+/// variance \f$ 2\sigma_t^2/\Delta A^2 \f$ (successive ones share a stamp, which makes the variance
+/// returned an upper bound). Wraps, restarts and lost frames are data. All differences are
+/// integers: a float build loses nothing. About 100 bytes; O(1) per update, never allocates.
+template <class S, unsigned Bits = 40>
+class RateTracker {
+ public:
+  RateTracker() = default;
+  explicit RateTracker(const RateTrackerOptions<S>& options) : options_{options} {}
+
+  /// One more event: `a` on clock A, `b` on clock B, and when the host saw it [µs] — any epoch,
+  /// milliseconds are enough, tens of ppm and jitter do not matter.
+  /// Returns δ = eB − eA (a fraction) now, and the variance of its error: what
+  /// `TwrOptions::clock_offset` and (its root) `sigma_clock_offset` ask for.
+  ///
+  /// Errors, in the order they are looked for:
+  /// - InvalidOption: an option is NaN or outside its domain (σ, bound, wander and step in [0, 1),
+  /// the
+  ///   first two not 0; times not negative, the gap neither 0 nor over a thousand hours, the jitter
+  ///   not over the gap). Nothing changes.
+  /// - TimeNotIncreasing: host time stands still or steps back. A step back within
+  ///   `reorder_window` is a late or repeated frame and is ignored; a longer one starts afresh.
+  /// - NotYetTracked: the first event.
+  /// - GapTooLong: the gap exceeds `max_gap`, or \f$ \delta_{max} \Delta A \f$ reaches half a wrap
+  ///   (32 bits, 80 ppm: 420 s). Starts afresh from this event.
+  /// - ClockOffsetOutOfBounds: the first rate lies beyond the bound. Starts afresh.
+  /// - ClockJump: the rate departs from the tracked one. The event becomes the new base; the rate
+  ///   is kept once, but a second jump in a row discards that too, so the tracker cannot lock
+  ///   itself out.
+  [[nodiscard]] Result<Measured<S>> update(DeviceTime<Bits> a, DeviceTime<Bits> b,
+                                           std::int64_t host_microseconds);
+
+  /// The rate and its variance as of the last event, accepted or not: after a single ClockJump,
+  /// which concerns the stamps and not the crystals, this is still the rate to use.
+  /// Error: NotYetTracked.
+  [[nodiscard]] Result<Measured<S>> rate() const {
+    if (!tracked_) return std::unexpected(Error::NotYetTracked);
+    return state_;
+  }
+
+  /// Forgets everything but the options.
+  void reset() { *this = RateTracker{options_}; }
+
+ private:
+  static constexpr S kGate = 6;
+
+  [[nodiscard]] bool valid() const {
+    const auto& o = options_;
+    return o.sigma_timestamp > 0 && o.sigma_timestamp < 1 && o.max_clock_offset > 0 &&
+           o.max_clock_offset < 1 && o.wander >= 0 && o.wander < 1 && o.max_rate_step >= 0 &&
+           o.max_rate_step < 1 && o.max_gap > 0 && o.max_gap <= 3'600'000'000'000 &&
+           o.reorder_window >= 0 && o.host_jitter >= 0 && o.host_jitter <= o.max_gap;
+  }
+
+  // 63 897.6 ticks a microsecond; a thousand hours are 2.3e17.
+  static constexpr std::int64_t to_ticks(std::int64_t microseconds) {
+    return microseconds * 63'897 + microseconds * 3 / 5;
+  }
+
+  void rebase(DeviceTime<Bits> a, DeviceTime<Bits> b, std::int64_t host) {
+    a_ = a;
+    b_ = b;
+    host_ = host;
+    based_ = true;
+  }
+
+  Error restart(DeviceTime<Bits> a, DeviceTime<Bits> b, std::int64_t host, Error reason) {
+    reset();
+    rebase(a, b, host);
+    return reason;
+  }
+
+  RateTrackerOptions<S> options_{};
+  DeviceTime<Bits> a_{};
+  DeviceTime<Bits> b_{};
+  std::int64_t host_ = 0;
+  Measured<S> state_{};
+  bool based_ = false;
+  bool tracked_ = false;
+  bool jumped_ = false;
+};
+
+template <class S, unsigned Bits>
+Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<Bits> b,
+                                                 std::int64_t host_microseconds) {
+  const std::int64_t host = host_microseconds;
+  if (!valid()) return std::unexpected(Error::InvalidOption);
+  if (!based_) return std::unexpected(restart(a, b, host, Error::NotYetTracked));
+  std::int64_t gap = 0;
+  const bool overflow = __builtin_sub_overflow(host, host_, &gap);
+  if (host <= host_) {
+    if (overflow || -gap > options_.reorder_window) restart(a, b, host, Error::TimeNotIncreasing);
+    return std::unexpected(Error::TimeNotIncreasing);
+  }
+  if (overflow || gap > options_.max_gap) {
+    return std::unexpected(restart(a, b, host, Error::GapTooLong));
+  }
+
+  // Equation (3).
+  const std::int64_t host_interval = to_ticks(gap);
+  const UnwrappedInterval run = unwrap_interval(a, a_, host_interval);
+  if (S(run.nearest) * options_.max_clock_offset >= S(DeviceTime<Bits>::kHalfWrap)) {
+    return std::unexpected(restart(a, b, host, Error::GapTooLong));
+  }
+
+  // Equation (2).
+  const std::int64_t difference =
+      DeviceTime<Bits>{b.ticks() - b_.ticks()} - DeviceTime<Bits>{a.ticks() - a_.ticks()};
+  const auto rate_over = [&](std::int64_t ticks) { return S(difference) / S(ticks); };
+  const bool doubtful = run.other && run.other_mismatch <= to_ticks(options_.host_jitter);
+
+  const S wander = options_.wander * options_.wander * kTickSeconds<S>;
+  const S walk = wander * S(host_interval);
+  // The measurement is the mean rate over the interval, not the rate at its end.
+  const auto noise_over = [&](std::int64_t ticks) {
+    const S stamp = options_.sigma_timestamp / (S(ticks) * kTickSeconds<S>);
+    return 2 * stamp * stamp + walk / 3;
+  };
+  S measured = rate_over(run.nearest);
+  S noise = noise_over(run.nearest);
+  S doubt = doubtful ? std::abs(measured - rate_over(*run.other)) : S(0);
+  if (!tracked_) {
+    if (!(std::abs(measured) <= options_.max_clock_offset)) {
+      return std::unexpected(restart(a, b, host, Error::ClockOffsetOutOfBounds));
+    }
+    rebase(a, b, host);
+    tracked_ = true;
+    state_ = {measured, noise + doubt * doubt};
+    return state_;
+  }
+
+  // A rate known well enough tells the two wrap counts apart.
+  const S prior = state_.variance + walk;
+  const S known = kGate * std::sqrt(prior + noise);
+  const auto departure = [&](S rate) { return std::abs(rate - state_.value); };
+  if (run.other && (doubtful || !(departure(measured) <= known))) {
+    S farther = rate_over(*run.other);
+    if (departure(farther) < departure(measured)) {
+      std::swap(measured, farther);
+      noise = noise_over(*run.other);
+    }
+    if (departure(farther) > known) doubt = 0;
+  }
+
+  if (!(departure(measured) <= known + options_.max_rate_step) ||
+      !(std::abs(measured) <= options_.max_clock_offset)) {
+    if (jumped_) return std::unexpected(restart(a, b, host, Error::ClockJump));
+    rebase(a, b, host);
+    state_.variance = prior;
+    jumped_ = true;
+    return std::unexpected(Error::ClockJump);
+  }
+  rebase(a, b, host);
+  jumped_ = false;
+  const S gain = prior / (prior + noise);
+  state_ = {state_.value + gain * (measured - state_.value), std::max(gain * noise, doubt * doubt)};
+  return state_;
+}
+
+}  // namespace uwbpos
