@@ -67,12 +67,14 @@ template <class S, int D>
 class Ldlt {
  public:
   explicit Ldlt(const Mat<S, D>& a) {
-    // A pivot that has lost all its digits to the subtraction is rounding noise.
-    constexpr S kLost = S(8 * D) * std::numeric_limits<S>::epsilon();
+    // A pivot that has lost all its digits to the subtraction is rounding noise, and digits that
+    // an earlier pivot has lost are missing from the later ones too.
+    S lost = S(8 * D) * std::numeric_limits<S>::epsilon();
     for (int j = 0; j < D; ++j) {
       S pivot = a(j, j);
       for (int k = 0; k < j; ++k) pivot -= l_(j, k) * l_(j, k) * d_[k];
-      positive_definite_ = positive_definite_ && pivot > kLost * a(j, j);  // NaN fails too
+      positive_definite_ = positive_definite_ && pivot > lost * a(j, j);  // NaN fails too
+      if (j + 1 < D && pivot < a(j, j)) lost *= a(j, j) / pivot;
       d_[j] = pivot;
       for (int i = j + 1; i < D; ++i) {
         S sum = a(i, j);

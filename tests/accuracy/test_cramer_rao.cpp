@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: MIT
+#include <array>
+#include <limits>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "uwbpos/accuracy/cramer_rao.hpp"
+
+#include "support/random_geometry.hpp"
+
+using namespace uwbpos;
+
+TEST_CASE_TEMPLATE("in the centre of a square the bound is sigma²/2 each way", S, float, double) {
+  // Four anchors on the diagonals: J = Σ g gᵀ/σ² = 2/σ² I.
+  const std::array<RangeTo<S, 2>, 4> ranges{
+      RangeTo<S, 2>{{0, 0}, 0}, {{8, 0}, 0}, {{8, 8}, 0}, {{0, 8}, 0}};
+  const auto bound = cramer_rao_bound(ranges, Vec<S, 2>{4, 4});
+  REQUIRE(bound);
+  CHECK((*bound)(0, 0) == doctest::Approx(0.005));
+  CHECK((*bound)(1, 1) == doctest::Approx(0.005));
+  CHECK((*bound)(0, 1) == doctest::Approx(0).epsilon(1e-6));
+}
+
+TEST_CASE_TEMPLATE("rotating and moving the scene rotates the bound", S, float, double) {
+  sim::Random random{"bound rotates"};
+  const S tolerance = S(2e4) * std::numeric_limits<S>::epsilon();  // conditions up to some hundred
+  for (int trial = 0; trial < 50; ++trial) {
+    std::vector<RangeTo<S, 3>> ranges;
+    for (int i = 0; i < 6; ++i) {
+      ranges.push_back({test::random_in_cube<S, 3>(random, S(5)), 0, S(random.uniform(0.05, 0.2))});
+    }
+    const Vec<S, 3> position = test::random_in_cube<S, 3>(random, S(4));
+    const auto bound = cramer_rao_bound(ranges, position);
+    REQUIRE(bound);
+    CHECK(*bound == bound->transpose());
+    const Mat<S, 3> turn = test::random_rotation<S, 3>(random);
+    const Vec<S, 3> shift = test::random_in_cube<S, 3>(random, S(5));
+    for (auto& r : ranges) r.anchor = Vec<S, 3>{turn * r.anchor + shift};
+    const auto turned = cramer_rao_bound(ranges, Vec<S, 3>{turn * position + shift});
+    REQUIRE(turned);
+    const Mat<S, 3> expected = turn * *bound * turn.transpose();
+    CHECK((*turned - expected).norm() < tolerance * expected.norm());
+  }
+}
+
+TEST_CASE_TEMPLATE("one more range never makes the bound worse", S, float, double) {
+  sim::Random random{"bound shrinks"};
+  std::vector<RangeTo<S, 2>> ranges;
+  const Vec<S, 2> position{S(0.5), S(-0.25)};
+  for (int i = 0; i < 2; ++i) ranges.push_back({test::random_in_cube<S, 2>(random, S(5)), 0});
+  auto before = cramer_rao_bound(ranges, position);
+  REQUIRE(before);
+  for (int i = 0; i < 20; ++i) {
+    ranges.push_back({test::random_in_cube<S, 2>(random, S(5)), 0});
+    const auto after = cramer_rao_bound(ranges, position);
+    REQUIRE(after);
+    CHECK(after->trace() < before->trace());
+    before = after;
+  }
+}
+
+TEST_CASE_TEMPLATE("a bound that does not exist is refused by name", S, float, double) {
+  const S nan = std::numeric_limits<S>::quiet_NaN();
+  using R = RangeTo<S, 2>;
+  const auto bound = [](const std::vector<R>& ranges, Vec<S, 2> at = Vec<S, 2>{1, 0}) {
+    const auto result = cramer_rao_bound(ranges, at);
+    REQUIRE_FALSE(result);
+    return result.error();
+  };
+  CHECK(bound({}) == Error::TooFewMeasurements);
+  CHECK(bound({R{{0, 0}, 1}}) == Error::DegenerateGeometry);
+  CHECK(bound({R{{0, 0}, 1}, R{{5, 0}, 1}}) == Error::DegenerateGeometry);  // on their line
+  CHECK(bound({R{{1, 0}, 1}, R{{5, 0}, 1}}) == Error::DegenerateGeometry);  // on an anchor
+  CHECK(bound({R{{0, 0}, 1}, R{{nan, 0}, 1}}) == Error::NotFinite);
+  CHECK(bound({R{{0, 0}, 1}, R{{0, 5}, 1}}, Vec<S, 2>{nan, 1}) == Error::NotFinite);
+  CHECK(bound({R{{0, 0}, 1}, R{{0, 5}, 1, 0}}) == Error::NonPositiveSigma);
+}
