@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: MIT
+#include "command_line.hpp"
+
+#include <cmath>
+#include <exception>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include "uwbpos/core/version.hpp"
+
+#include "commands.hpp"
+#include "failure.hpp"
+
+namespace uwbpos::host {
+namespace {
+
+constexpr const char* kAbout =
+    "uwbpos: positions from recordings of UWB ranges or raw timestamps.\n"
+    "\n"
+    "A first position from your own data, in two files:\n"
+    "  anchors.csv  anchor_id,x_m,y_m,z_m\n"
+    "  ranges.csv   t_s,anchor_id,range_m          (tag_id, sigma_m if you have them)\n"
+    "  uwbpos replay --anchors anchors.csv --ranges ranges.csv --height 1.0 --out out\n"
+    "and then open out/report.html. No recording yet? `uwbpos simulate` makes one.";
+
+constexpr const char* kReplayFooter =
+    "Files are CSV with a header row; columns are found by name, others ignored:\n"
+    "  anchors.csv  anchor_id,x_m,y_m,z_m\n"
+    "  tags.csv     tag_id,x_m,y_m,z_m    lever arms: body x forward, y left, z up\n"
+    "  ranges.csv   t_s,anchor_id,range_m [tag_id,sigma_m,rssi_dbm,fp_power_dbm]\n"
+    "  twr.csv      t_s,anchor_id,poll_tx,poll_rx,resp_tx,resp_rx [tag_id,final_tx,final_rx,\n"
+    "               clock_offset_ppm,fp_power_dbm,true_range_m,logged_range_m]\n"
+    "  bias.csv     anchor_id,bias_m [tag_id]         range minus truth, is subtracted\n"
+    "  truth.tum    t_s x_m y_m z_m qx qy qz qw       pose of the body, separated by spaces\n"
+    "\n"
+    "Exit code: 0 solved, 1 bad input or nothing to solve, 2 wrong usage.";
+
+// All numbers but NaN; `inf` too where it makes sense.
+CLI::Validator above_zero() {
+  return CLI::Validator{
+      [](std::string& text) -> std::string {
+        const double value = std::strtod(text.c_str(), nullptr);
+        return value > 0 ? "" : fmt::format("expected a number above zero, got {}", text);
+      },
+      "", "above zero"};
+}
+
+CLI::Validator finite() {
+  return CLI::Validator{[](std::string& text) -> std::string {
+                          const double value = std::strtod(text.c_str(), nullptr);
+                          return std::isfinite(value) ? ""
+                                                      : "expected a finite number, got " + text;
+                        },
+                        "", "finite"};
+}
+
+struct Arguments {
+  Settings settings;
+  double height = 0;
+  int dim = 0;
+  double epoch_window = 0;
+  std::vector<double> prior;
+};
+
+void add_inputs(CLI::App& app, Arguments& a) {
+  Settings& s = a.settings;
+  app.add_option("--anchors", s.anchors, "where the anchors are (CSV)")->type_name("FILE");
+  auto* ranges = app.add_option("--ranges", s.ranges, "measured ranges (CSV)")->type_name("FILE");
+  auto* twr = app.add_option("--twr", s.twr, "raw timestamps of two-way exchanges (CSV)")
+                  ->type_name("FILE");
+  ranges->excludes(twr);
+  app.add_option("--tags", s.tags, "lever arms of the tags on the body (CSV)")->type_name("FILE");
+  app.add_option("--truth", s.truth, "true poses of the body (TUM)")->type_name("FILE");
+  app.add_option("--height", a.height, "height of the tags' antennas [m]; solves in the plane")
+      ->type_name("H")
+      ->check(finite());
+  app.add_option("--tag", s.only_tags, "only this tag; may be given several times")
+      ->type_name("ID");
+  app.add_option("--sigma", s.sigma, "standard deviation of ranges that tell none [m]")
+      ->type_name("S")
+      ->check(above_zero())
+      ->capture_default_str();
+  app.add_option("--max-range", s.max_range, "longer ranges are refused [m]")
+      ->type_name("R")
+      ->check(above_zero())
+      ->capture_default_str();
+  app.add_option("--counter-bits", s.counter_bits,
+                 "width of the counter in --twr, 24 to 40 (default: 32 or 40, found from the log)")
+      ->type_name("N")
+      ->check(CLI::Range(24u, 40u));
+  app.add_option("--power-bias", s.power_bias,
+                 "range bias by received power (CSV: power_dbm,bias_m), is subtracted")
+      ->type_name("FILE");
+  app.add_option("--out", s.out, "directory for the results")
+      ->type_name("DIR")
+      ->capture_default_str();
+  app.add_flag("--strict", s.strict, "a malformed row ends the run");
+}
+
+void add_solving(CLI::App& app, Arguments& a) {
+  Settings& s = a.settings;
+  app.add_option("--bias", s.bias, "bias of each link (CSV, from calibrate)")->type_name("FILE");
+  app.add_option("--dim", a.dim,
+                 "2: in the plane, 3: in space (default: 2 with --height or when all anchors are "
+                 "equally high, else 3)")
+      ->type_name("2|3")
+      ->check(CLI::IsMember({2, 3}));
+  app.add_option("--epoch-window", a.epoch_window,
+                 "readings within this time are solved together [s] (default: from the log)")
+      ->type_name("S")
+      ->check(CLI::NonNegativeNumber);
+  const std::map<std::string, Side> sides{{"above", Side::kAbove}, {"below", Side::kBelow}};
+  app.add_option("--side", s.side, "in space: the tags are above or below the plane of the anchors")
+      ->type_name("above|below")
+      ->transform(CLI::CheckedTransformer(sides).description(""));
+  app.add_option("--prior", a.prior,
+                 "where the tags start, roughly [m]; settles mirror images before the first "
+                 "position is known")
+      ->type_name("X,Y[,Z]")
+      ->delimiter(',')
+      ->expected(2, 3)
+      ->check(finite());
+}
+
+// Options that have to be given or not, which CLI11 leaves as values.
+void settle(const CLI::App& app, Arguments& a) {
+  Settings& s = a.settings;
+  if (app.count("--height") > 0) s.height = a.height;
+  if (s.ranges.empty() && s.twr.empty()) {
+    throw CLI::RequiredError{"--ranges or --twr"};
+  }
+}
+
+void settle_solving(const CLI::App& app, Arguments& a) {
+  settle(app, a);
+  Settings& s = a.settings;
+  if (app.count("--dim") > 0) s.dim = a.dim;
+  if (app.count("--epoch-window") > 0) s.epoch_window = a.epoch_window;
+  if (!a.prior.empty()) {
+    s.prior = Vec3{a.prior[0], a.prior[1], a.prior.size() > 2 ? a.prior[2] : 0};
+  }
+  if (s.anchors.empty() && s.twr.empty()) throw CLI::RequiredError{"--anchors"};
+}
+
+int dispatch(int argc, const char* const* argv) {
+  CLI::App app{kAbout, "uwbpos"};
+  app.require_subcommand(1);
+  app.set_version_flag("--version", std::string{kVersion});
+  app.get_formatter()->column_width(34);
+
+  Arguments replay_arguments;
+  CLI::App* replay = app.add_subcommand("replay", "solve a recording and report on it");
+  add_inputs(*replay, replay_arguments);
+  add_solving(*replay, replay_arguments);
+  replay->footer(kReplayFooter);
+
+  Arguments calibrate_arguments;
+  CLI::App* calibrate =
+      app.add_subcommand("calibrate", "measure the bias of each link where the truth is known");
+  add_inputs(*calibrate, calibrate_arguments);
+  calibrate->footer(kReplayFooter);
+
+  try {
+    app.parse(argc, argv);
+    if (replay->parsed()) {
+      settle_solving(*replay, replay_arguments);
+      return run_replay(replay_arguments.settings);
+    }
+    settle(*calibrate, calibrate_arguments);
+    if (calibrate_arguments.settings.anchors.empty()) throw CLI::RequiredError{"--anchors"};
+    if (calibrate_arguments.settings.truth.empty()) throw CLI::RequiredError{"--truth"};
+    return run_calibrate(calibrate_arguments.settings);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? kSuccess : kBadUsage;
+  }
+}
+
+}  // namespace
+
+int run(int argc, const char* const* argv) {
+  try {
+    return dispatch(argc, argv);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "uwbpos: {}\n", error.what());
+    return kBadInput;
+  }
+}
+
+}  // namespace uwbpos::host

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: MIT
+#include "commands.hpp"
+
+#include <cmath>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "calibrate.hpp"
+#include "command_line.hpp"
+#include "failure.hpp"
+#include "output.hpp"
+#include "progress.hpp"
+#include "summary.hpp"
+
+namespace uwbpos::host {
+namespace {
+
+void print_remarks(const std::vector<std::string>& said) {
+  for (const std::string& sentence : said) fmt::print("{}\n", sentence);
+}
+
+void write_tracks(const std::filesystem::path& directory, const Replay& result) {
+  write_file(directory / "track.tum", track_tum(result, std::nullopt));
+  if (result.of_tag.size() < 2) return;
+  for (const auto& [tag, outcome] : result.of_tag) {
+    write_file(directory / fmt::format("track_tag_{}.tum", tag), track_tum(result, tag));
+  }
+}
+
+// What might help when no epoch could be solved.
+std::string advice(const Replay& result) {
+  const Counts& rejected = result.all.rejected;
+  if (result.all.epochs == 0 && !result.unknown_anchors.empty()) {
+    return "; no reading comes from an anchor of the anchors file";
+  }
+  if (rejected.contains("ambiguous_solution")) {
+    return "; give --side, --prior or --height to choose between mirror images";
+  }
+  if (rejected.contains("too_few_measurements")) {
+    return "; epochs have too few readings, try a longer --epoch-window or --height";
+  }
+  return "";
+}
+
+}  // namespace
+
+int run_replay(const Settings& settings) {
+  Problems problems{settings.strict};
+  make_directory(settings.out);
+  const Recording recording = read_recording(settings, problems);
+  problems.tell_rest();
+  const bool ranges_scored = recording.ranging && !recording.ranging->scored.empty();
+  if (recording.ranging) fmt::print("{}\n", range_table(recording));
+
+  Replay result;
+  if (!recording.site.anchors.empty()) {
+    Progress progress{"solving"};
+    result = replay(settings, recording.site, recording.readings,
+                    [&](std::size_t done, std::size_t of) { progress(done, of); });
+  }
+  const bool tried = result.all.epochs > 0;
+  if (tried) fmt::print("{}", summary_table(settings, recording, result));
+  const std::vector<std::string> said = remarks(recording, result, problems);
+  print_remarks(said);
+
+  write_file(settings.out / "summary.json",
+             summary_json(settings, recording, tried ? &result : nullptr, problems));
+  if (tried) write_tracks(settings.out, result);
+  fmt::print("wrote {}\n", (settings.out / "summary.json").string());
+  if (result.all.solved == 0 && !ranges_scored) {
+    throw Failure{
+        fmt::format("{}: nothing could be solved{}", recording.log.string(), advice(result))};
+  }
+  return kSuccess;
+}
+
+int run_calibrate(const Settings& settings) {
+  Problems problems{settings.strict};
+  make_directory(settings.out);
+  const Recording recording = read_recording(settings, problems);
+  problems.tell_rest();
+  const Replay compared = compare_with_truth(settings, recording.site, recording.readings);
+  const std::vector<LinkBias> biases = calibrate(compared);
+  if (biases.empty()) {
+    throw Failure{
+        fmt::format("{}: no range can be compared with the truth; expected readings of "
+                    "known anchors and tags within its time span",
+                    recording.log.string())};
+  }
+  fmt::print("{}", calibration_table(biases));
+  print_remarks(remarks(recording, compared, problems));
+  const std::filesystem::path file = settings.out / "bias.csv";
+  write_file(file, bias_csv(biases));
+  fmt::print("wrote {}; use it with: uwbpos replay --bias {} …\n", file.string(), file.string());
+  return kSuccess;
+}
+
+}  // namespace uwbpos::host

@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: MIT
+#include "formats.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <fmt/format.h>
+
+#include "failure.hpp"
+
+namespace uwbpos::host {
+namespace {
+
+Points read_points(const std::filesystem::path& file, std::string_view id_column,
+                   Problems& problems) {
+  Points points;
+  const auto columns = {Column{id_column, true}, Column{"x_m", true}, Column{"y_m", true},
+                        Column{"z_m", true}};
+  read_csv(file, columns, problems, [&](const Row& row) {
+    const Id id = row.id(0);
+    const Vec3 position{row.number(1), row.number(2), row.number(3)};
+    if (!points.emplace(id, position).second) {
+      throw std::runtime_error{
+          fmt::format("{} {} was given before; expected each once", id_column, id)};
+    }
+  });
+  return points;
+}
+
+std::optional<double> power_of(const Row& row, std::size_t first_path, std::size_t total) {
+  const auto power = row.optional_number(first_path);
+  return power ? power : row.optional_number(total);
+}
+
+// Sorts rows by time; counts those outside the reordering window.
+template <class T>
+void put_in_order(Log<T>& log) {
+  double newest = -std::numeric_limits<double>::infinity();
+  for (const T& row : log.rows) {
+    if (row.t < newest - kReorderWindow) ++log.counts.out_of_order;
+    newest = std::max(newest, row.t);
+  }
+  std::stable_sort(log.rows.begin(), log.rows.end(),
+                   [](const T& a, const T& b) { return a.t < b.t; });
+}
+
+}  // namespace
+
+std::optional<double> BiasTable::find(Id tag, Id anchor) const {
+  if (const auto link = of_link.find({tag, anchor}); link != of_link.end()) return link->second;
+  if (const auto any = of_anchor.find(anchor); any != of_anchor.end()) return any->second;
+  return std::nullopt;
+}
+
+Points read_anchors(const std::filesystem::path& file, Problems& problems) {
+  return read_points(file, "anchor_id", problems);
+}
+
+Points read_tags(const std::filesystem::path& file, Problems& problems) {
+  return read_points(file, "tag_id", problems);
+}
+
+BiasTable read_bias(const std::filesystem::path& file, Problems& problems) {
+  BiasTable table;
+  const auto columns = {Column{"anchor_id", true}, Column{"bias_m", true}, Column{"tag_id"}};
+  read_csv(file, columns, problems, [&](const Row& row) {
+    if (row.empty(1)) return;
+    const Id anchor = row.id(0);
+    const double bias = row.number(1);
+    const bool fresh = row.empty(2)
+                           ? table.of_anchor.emplace(anchor, bias).second
+                           : table.of_link.emplace(std::pair{row.id(2), anchor}, bias).second;
+    if (!fresh) throw std::runtime_error{"this link was given before; expected each once"};
+  });
+  return table;
+}
+
+PowerBiasTable read_power_bias(const std::filesystem::path& file, Problems& problems) {
+  PowerBiasTable table;
+  read_csv(file, {Column{"power_dbm", true}, Column{"bias_m", true}}, problems,
+           [&](const Row& row) { table.push_back({row.number(0), row.number(1)}); });
+  std::stable_sort(table.begin(), table.end(),
+                   [](const auto& a, const auto& b) { return a.power_dbm < b.power_dbm; });
+  if (!RangeBias<double>::make(table)) {
+    throw Failure{
+        fmt::format("{}: expected one row or more, and each power_dbm once", file.string())};
+  }
+  return table;
+}
+
+Trajectory read_trajectory(const std::filesystem::path& file, Problems& problems) {
+  constexpr std::size_t cells = 8;
+  std::vector<StampedPose> poses;
+  read_lines(file, [&](std::string_view line, std::size_t number) {
+    std::array<double, cells> values{};
+    std::size_t count = 0;
+    std::size_t place = 0;
+    const auto is_space = [](char c) { return c == ' ' || c == '\t'; };
+    while (true) {
+      while (place < line.size() && is_space(line[place])) ++place;
+      if (place == line.size() || (count == 0 && line[place] == '#')) break;
+      const std::size_t start = place;
+      while (place < line.size() && !is_space(line[place])) ++place;
+      const auto value = parse_number(line.substr(start, place - start));
+      if (!value) {
+        problems.malformed(file, number, start + 1,
+                           "expected a finite number; a row is t_s x_m y_m z_m qx qy qz qw, "
+                           "separated by spaces");
+        return;
+      }
+      if (count < cells) values[count] = *value;
+      ++count;
+    }
+    if (count == 0) return;
+    if (count != cells) {
+      problems.malformed(
+          file, number, 0,
+          fmt::format("expected 8 numbers, t_s x_m y_m z_m qx qy qz qw, found {}", count));
+      return;
+    }
+    const double norm =
+        std::hypot(std::hypot(values[4], values[5]), std::hypot(values[6], values[7]));
+    constexpr double tolerance = 0.01;  // files print quaternions to two digits or more
+    if (!(std::abs(norm - 1) < tolerance)) {
+      problems.malformed(
+          file, number, 0,
+          fmt::format("expected a quaternion of length 1, found length {:.6g}", norm));
+      return;
+    }
+    poses.push_back({values[0],
+                     {values[1], values[2], values[3]},
+                     {values[4] / norm, values[5] / norm, values[6] / norm, values[7] / norm}});
+  });
+  if (poses.empty()) {
+    throw Failure{fmt::format("{}: holds no pose; expected rows of t_s x_m y_m z_m qx qy qz qw",
+                              file.string())};
+  }
+  return Trajectory{std::move(poses)};
+}
+
+Log<Reading> read_ranges(const std::filesystem::path& file, Problems& problems) {
+  enum : std::size_t { kTime, kAnchor, kRange, kTag, kSigma, kRssi, kFirstPath };
+  Log<Reading> log{file, {}, {}};
+  const auto columns = {Column{"t_s", true},   Column{"anchor_id", true}, Column{"range_m", true},
+                        Column{"tag_id"},      Column{"sigma_m"},         Column{"rssi_dbm"},
+                        Column{"fp_power_dbm"}};
+  log.counts.rows = read_csv(file, columns, problems, [&](const Row& row) {
+    Reading reading{row.number(kTime),
+                    row.id_or(kTag, 0),
+                    row.id(kAnchor),
+                    0,
+                    row.optional_positive(kSigma),
+                    power_of(row, kFirstPath, kRssi),
+                    row.line()};
+    if (row.empty(kRange)) {
+      ++log.counts.no_reading;
+      return;
+    }
+    reading.range = row.number(kRange);
+    log.rows.push_back(reading);
+  });
+  put_in_order(log);
+  return log;
+}
+
+Log<Exchange> read_twr(const std::filesystem::path& file, Problems& problems) {
+  enum : std::size_t {
+    kTime,
+    kAnchor,
+    kPollTx,
+    kPollRx,
+    kRespTx,
+    kRespRx,
+    kTag,
+    kFinalTx,
+    kFinalRx,
+    kOffset,
+    kFirstPath,
+    kTrue,
+    kLogged,
+    kRssi
+  };
+  Log<Exchange> log{file, {}, {}};
+  const auto columns = {
+      Column{"t_s", true},        Column{"anchor_id", true}, Column{"poll_tx", true},
+      Column{"poll_rx", true},    Column{"resp_tx", true},   Column{"resp_rx", true},
+      Column{"tag_id"},           Column{"final_tx"},        Column{"final_rx"},
+      Column{"clock_offset_ppm"}, Column{"fp_power_dbm"},    Column{"true_range_m"},
+      Column{"logged_range_m"},   Column{"rssi_dbm"}};
+  log.counts.rows = read_csv(file, columns, problems, [&](const Row& row) {
+    Exchange e{};
+    e.t = row.number(kTime);
+    e.tag = row.id_or(kTag, 0);
+    e.anchor = row.id(kAnchor);
+    e.line = row.line();
+    for (std::size_t column = kPollTx; column <= kRespRx; ++column) {
+      if (row.empty(column)) {
+        ++log.counts.no_reading;
+        return;
+      }
+    }
+    e.poll_tx = row.ticks(kPollTx);
+    e.poll_rx = row.ticks(kPollRx);
+    e.resp_tx = row.ticks(kRespTx);
+    e.resp_rx = row.ticks(kRespRx);
+    if (!row.empty(kFinalTx) && !row.empty(kFinalRx)) {
+      e.final = {row.ticks(kFinalTx), row.ticks(kFinalRx)};
+    }
+    if (const auto ppm = row.optional_number(kOffset)) e.clock_offset = *ppm * 1e-6;
+    e.power = power_of(row, kFirstPath, kRssi);
+    e.true_range = row.optional_number(kTrue);
+    e.logged_range = row.optional_number(kLogged);
+    log.rows.push_back(e);
+  });
+  put_in_order(log);
+  return log;
+}
+
+}  // namespace uwbpos::host

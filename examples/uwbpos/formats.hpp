@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// The files of a recording: what their rows mean, and reading them.
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "uwbpos/ranging/range_bias.hpp"
+
+#include "csv.hpp"
+#include "trajectory.hpp"
+
+namespace uwbpos::host {
+
+using Id = std::uint32_t;
+
+/// Anchor or tag ids and positions [m]: anchors in the map, tags in the body's frame.
+using Points = std::map<Id, Vec3>;
+
+/// One range between a tag and an anchor.
+struct Reading {
+  double t;  ///< [s]
+  Id tag;
+  Id anchor;
+  double range;                 ///< [m]
+  std::optional<double> sigma;  ///< [m]
+  std::optional<double> power;  ///< first path, else total [dBm]
+  std::size_t line = 0;
+};
+
+/// One exchange of messages, as raw counter readings. Sent by the tag: poll and final.
+struct Exchange {
+  double t;  ///< [s]
+  Id tag;
+  Id anchor;
+  std::uint64_t poll_tx, poll_rx, resp_tx, resp_rx;
+  std::optional<std::pair<std::uint64_t, std::uint64_t>> final;  ///< final_tx, final_rx
+  std::optional<double> clock_offset;                            ///< δ = eB − eA, a fraction
+  std::optional<double> power;                                   ///< first path [dBm]
+  std::optional<double> true_range;                              ///< [m]
+  std::optional<double> logged_range;                            ///< the module's own [m]
+  std::size_t line = 0;
+};
+
+/// Estimate minus truth [m] of each link; an entry without a tag serves every tag.
+struct BiasTable {
+  std::map<std::pair<Id, Id>, double> of_link;  ///< (tag, anchor)
+  std::map<Id, double> of_anchor;
+
+  [[nodiscard]] bool empty() const { return of_link.empty() && of_anchor.empty(); }
+  [[nodiscard]] std::optional<double> find(Id tag, Id anchor) const;
+};
+
+/// Ascending by power.
+using PowerBiasTable = std::vector<RangeBiasPoint<double>>;
+
+/// What reading a log counted, besides malformed rows (`Problems`).
+struct LogCounts {
+  std::size_t rows = 0;          ///< rows seen
+  std::size_t no_reading = 0;    ///< rows whose reading is an empty cell
+  std::size_t out_of_order = 0;  ///< rows later in the file than the reordering window allows
+};
+
+/// How far below an earlier row's time a row's may be before that is worth a remark [s].
+inline constexpr double kReorderWindow = 1;
+
+template <class T>
+struct Log {
+  std::filesystem::path file;
+  std::vector<T> rows;  ///< by ascending time; rows of one time in the order of the file
+  LogCounts counts;
+};
+
+[[nodiscard]] Points read_anchors(const std::filesystem::path& file, Problems& problems);
+[[nodiscard]] Points read_tags(const std::filesystem::path& file, Problems& problems);
+[[nodiscard]] BiasTable read_bias(const std::filesystem::path& file, Problems& problems);
+[[nodiscard]] PowerBiasTable read_power_bias(const std::filesystem::path& file, Problems& problems);
+[[nodiscard]] Trajectory read_trajectory(const std::filesystem::path& file, Problems& problems);
+
+/// Rows come back by time, however they stood in the file.
+[[nodiscard]] Log<Reading> read_ranges(const std::filesystem::path& file, Problems& problems);
+[[nodiscard]] Log<Exchange> read_twr(const std::filesystem::path& file, Problems& problems);
+
+}  // namespace uwbpos::host

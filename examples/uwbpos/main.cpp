@@ -1,0 +1,4 @@
+// SPDX-License-Identifier: MIT
+#include "command_line.hpp"
+
+int main(int argc, char** argv) { return uwbpos::host::run(argc, argv); }

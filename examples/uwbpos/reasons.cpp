@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: MIT
+#include "reasons.hpp"
+
+namespace uwbpos::host {
+
+std::string_view reason_name(Error error) {
+  switch (error) {
+    case Error::NotFinite:
+      return "not_finite";
+    case Error::NonPositiveSigma:
+      return "non_positive_sigma";
+    case Error::InvalidOption:
+      return "invalid_option";
+    case Error::NegativeRange:
+      return "negative_range";
+    case Error::TooFewMeasurements:
+      return "too_few_measurements";
+    case Error::TooManyMeasurements:
+      return "too_many_measurements";
+    case Error::DegenerateGeometry:
+      return "degenerate_geometry";
+    case Error::AmbiguousSolution:
+      return "ambiguous_solution";
+    case Error::InconsistentRanges:
+      return "inconsistent_ranges";
+    case Error::HeightExceedsRange:
+      return "height_exceeds_range";
+    case Error::NotConverged:
+      return "not_converged";
+    case Error::NonPositiveInterval:
+      return "non_positive_interval";
+    case Error::IntervalTooLong:
+      return "interval_too_long";
+    case Error::ReplyExceedsRoundTrip:
+      return "reply_exceeds_round_trip";
+    case Error::NegativeTimeOfFlight:
+      return "negative_time_of_flight";
+    case Error::RangeBeyondMaximum:
+      return "range_beyond_maximum";
+    case Error::ClockOffsetOutOfBounds:
+      return "clock_offset_out_of_bounds";
+    case Error::NotYetTracked:
+      return "clock_not_yet_tracked";
+    case Error::TimeNotIncreasing:
+      return "time_not_increasing";
+    case Error::GapTooLong:
+      return "gap_too_long";
+    case Error::ClockJump:
+      return "clock_jump";
+    case Error::UnknownAnchor:
+      return "unknown_anchor";
+    default:
+      return "other_error";
+  }
+}
+
+std::string_view reason_words(std::string_view name) {
+  for (int i = 0; i < kErrorCount; ++i) {
+    const auto error = static_cast<Error>(i);
+    if (reason_name(error) == name && name != "other_error") return describe(error);
+  }
+  return name;
+}
+
+std::size_t total(const Counts& counts) {
+  std::size_t sum = 0;
+  for (const auto& [reason, count] : counts) sum += count;
+  return sum;
+}
+
+}  // namespace uwbpos::host

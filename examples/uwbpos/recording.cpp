@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: MIT
+#include "recording.hpp"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "failure.hpp"
+
+namespace uwbpos::host {
+namespace {
+
+// `3 (12 readings), 7 (1 reading)`, the most frequent few.
+std::string listed(const std::map<Id, std::size_t>& counts) {
+  constexpr std::size_t most = 6;
+  std::vector<std::pair<Id, std::size_t>> entries{counts.begin(), counts.end()};
+  std::stable_sort(entries.begin(), entries.end(),
+                   [](const auto& a, const auto& b) { return a.second > b.second; });
+  std::vector<std::string> words;
+  for (const auto& [id, count] : entries) {
+    if (words.size() == most) {
+      words.push_back(fmt::format("and {} more", entries.size() - most));
+      break;
+    }
+    words.push_back(fmt::format("{} ({})", id, count_of(count, "reading")));
+  }
+  return fmt::format("{}", fmt::join(words, ", "));
+}
+
+std::size_t total(const std::map<Id, std::size_t>& counts) {
+  std::size_t sum = 0;
+  for (const auto& [id, count] : counts) sum += count;
+  return sum;
+}
+
+}  // namespace
+
+std::string count_of(std::size_t count, std::string_view singular) {
+  return fmt::format("{} {}{}", count, singular, count == 1 ? "" : "s");
+}
+
+Recording read_recording(const Settings& settings, Problems& problems) {
+  Recording recording;
+  Site& site = recording.site;
+  if (!settings.anchors.empty()) {
+    site.anchors = read_anchors(settings.anchors, problems);
+    if (site.anchors.empty()) {
+      throw Failure{fmt::format("{}: holds no anchor", settings.anchors.string())};
+    }
+  }
+  if (!settings.tags.empty()) site.tags = read_tags(settings.tags, problems);
+  if (!settings.bias.empty()) site.bias = read_bias(settings.bias, problems);
+  if (!settings.truth.empty()) site.truth = read_trajectory(settings.truth, problems);
+  PowerBiasTable power_table;
+  std::optional<RangeBias<double>> power_bias;
+  if (!settings.power_bias.empty()) {
+    power_table = read_power_bias(settings.power_bias, problems);
+    power_bias = *RangeBias<double>::make(power_table);
+  }
+
+  if (!settings.ranges.empty()) {
+    Log<Reading> log = read_ranges(settings.ranges, problems);
+    recording.log = log.file;
+    recording.counts = log.counts;
+    recording.readings = std::move(log.rows);
+    for (Reading& reading : recording.readings) {
+      if (power_bias && reading.power) reading.range -= power_bias->at(*reading.power).value_or(0);
+    }
+  } else {
+    const Log<Exchange> log = read_twr(settings.twr, problems);
+    recording.log = log.file;
+    recording.counts = log.counts;
+    recording.ranging = ranges_from_exchanges(log.rows, settings, power_bias);
+    recording.readings = recording.ranging->readings;
+  }
+  if (recording.counts.rows == 0) {
+    throw Failure{fmt::format("{}: has a header row and nothing below it", recording.log.string())};
+  }
+  if (!recording.readings.empty()) {
+    recording.seconds = recording.readings.back().t - recording.readings.front().t;
+  }
+  return recording;
+}
+
+std::vector<std::string> remarks(const Recording& recording, const Replay& replay,
+                                 const Problems& problems) {
+  std::vector<std::string> said;
+  for (const auto& [file, count] : problems.counts()) {
+    said.push_back(fmt::format("{}: {} skipped as malformed.", file, count_of(count, "row")));
+  }
+  if (recording.counts.no_reading > 0) {
+    said.push_back(fmt::format("{} without a reading (an empty cell).",
+                               count_of(recording.counts.no_reading, "row")));
+  }
+  if (recording.counts.out_of_order > 0) {
+    said.push_back(fmt::format("{} more than {} s out of order in the file; sorted by time.",
+                               count_of(recording.counts.out_of_order, "row"), kReorderWindow));
+  }
+  if (recording.ranging) {
+    for (const auto& [reason, count] : recording.ranging->refused) {
+      said.push_back(
+          fmt::format("{} refused: {}.", count_of(count, "exchange"), reason_words(reason)));
+    }
+  }
+  if (!replay.unknown_anchors.empty()) {
+    said.push_back(fmt::format("{} from anchors that the anchors file does not have: {}.",
+                               count_of(total(replay.unknown_anchors), "reading"),
+                               listed(replay.unknown_anchors)));
+  }
+  if (!replay.unknown_tags.empty()) {
+    said.push_back(fmt::format("Tags that the tags file does not have, solved but not scored: {}.",
+                               listed(replay.unknown_tags)));
+  }
+  for (const auto& [reason, count] : replay.refused_readings) {
+    said.push_back(fmt::format("{} left out of {} epochs: {}.", count_of(count, "reading"),
+                               count == 1 ? "its" : "their", reason_words(reason)));
+  }
+  if (replay.duplicates > 0) {
+    said.push_back(fmt::format("{} dropped: the same link and time as one before.",
+                               count_of(replay.duplicates, "reading")));
+  }
+  if (replay.without_bias > 0) {
+    said.push_back(fmt::format("{} of links that the bias file does not have, taken as unbiased.",
+                               count_of(replay.without_bias, "reading")));
+  }
+  if (replay.chosen_by_prior > 0) {
+    said.push_back(fmt::format("{} settled between two mirror images by the tag's last position.",
+                               count_of(replay.chosen_by_prior, "epoch")));
+  }
+  if (replay.outside_truth > 0) {
+    said.push_back(fmt::format("{} outside the time span of the truth, not scored.",
+                               count_of(replay.outside_truth, "position")));
+  }
+  if (replay.in_truth_gaps > 0) {
+    said.push_back(
+        fmt::format("{} scored against truth interpolated over a pause of more than a second.",
+                    count_of(replay.in_truth_gaps, "position")));
+  }
+  return said;
+}
+
+}  // namespace uwbpos::host

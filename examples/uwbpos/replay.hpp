@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// Solves every epoch of a recording with `locate` and scores the positions against truth.
+
+#include <functional>
+#include <map>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "epochs.hpp"
+#include "formats.hpp"
+#include "reasons.hpp"
+#include "scoring.hpp"
+#include "settings.hpp"
+
+namespace uwbpos::host {
+
+/// One solved epoch.
+struct Position {
+  double t;  ///< [s]
+  Id tag;
+  Vec3 position;  ///< [m]; z is the given height, or 0, in 2-D
+  double chi_squared;
+  int degrees_of_freedom;
+  int readings;               ///< how many it was solved from
+  bool chosen_by_prior;       ///< two mirror images; the one nearer to the last position
+  std::optional<Vec3> truth;  ///< where the tag was [m]
+};
+
+/// What happened to one tag, or to all of them.
+struct Outcome {
+  std::size_t epochs = 0;
+  std::size_t solved = 0;
+  std::size_t scored = 0;
+  Counts rejected;  ///< epochs, by reason
+  ErrorSummary error;
+};
+
+/// Measured minus expected range of one reading [m].
+struct Residual {
+  double t;
+  double value;
+};
+
+struct Replay {
+  int dim = 2;
+  EpochRule rule{};
+  std::vector<Position> track;  ///< by time
+  Outcome all;
+  std::map<Id, Outcome> of_tag;
+  std::map<std::pair<Id, Id>, std::vector<Residual>> residuals;  ///< of each (tag, anchor)
+  bool residuals_to_truth = false;  ///< expected range from truth; else from the solved position
+  std::map<Id, std::size_t> unknown_anchors;
+  std::map<Id, std::size_t> unknown_tags;  ///< not in tags.csv: solved, not scored
+  Counts refused_readings;                 ///< by reason; the epoch goes on without them
+  std::size_t duplicates = 0;
+  std::size_t without_bias = 0;  ///< readings whose link the bias table lacks
+  std::size_t outside_truth = 0;
+  std::size_t in_truth_gaps = 0;  ///< scored although truth pauses for over a second around them
+  std::size_t chosen_by_prior = 0;
+  double solve_seconds = 0;  ///< inside `locate`
+  std::size_t solve_calls = 0;
+};
+
+/// What is known about the place.
+struct Site {
+  Points anchors;
+  Points tags;  ///< lever arms; empty: each tag is the body's origin
+  BiasTable bias;
+  Trajectory truth;  ///< of the body; empty: unknown
+};
+
+/// 2 or 3: as the settings say; else 2 when the tags' height is given or all anchors are equally
+/// high, else 3.
+[[nodiscard]] int choose_dim(const Settings& settings, const Points& anchors);
+
+/// Readings must ascend in time. `progress(done, of)` is called now and then.
+[[nodiscard]] Replay replay(const Settings& settings, const Site& site,
+                            const std::vector<Reading>& readings,
+                            const std::function<void(std::size_t, std::size_t)>& progress = {});
+
+/// Measured minus true range of every reading, and the counts of readings, without solving.
+/// `settings.height`, where given, takes the place of the truth's height.
+[[nodiscard]] Replay compare_with_truth(const Settings& settings, const Site& site,
+                                        const std::vector<Reading>& readings);
+
+/// Height of a tag's antenna [m]: the given one, which with several tags is their mean; the lever
+/// arms tell how each differs from it.
+[[nodiscard]] double tag_height(double mean_height, const Points& tags, Id tag);
+
+}  // namespace uwbpos::host

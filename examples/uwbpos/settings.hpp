@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// What the command line says.
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <vector>
+
+#include "trajectory.hpp"
+
+namespace uwbpos::host {
+
+/// Where the tags are as seen from the anchors' plane, to choose between mirror images in 3-D.
+enum class Side { kUnknown, kAbove, kBelow };
+
+/// The options that subcommands share; an empty path means not given.
+struct Settings {
+  std::filesystem::path anchors, tags, ranges, twr, truth, bias, power_bias;
+  std::filesystem::path out = "out";
+  std::optional<double> height;          ///< of the tags' antennas [m]
+  std::optional<int> dim;                ///< 2 or 3
+  std::vector<std::uint32_t> only_tags;  ///< empty: all
+  std::optional<double> epoch_window;    ///< [s]
+  double sigma = 0.1;                    ///< of a range whose file gives none [m]
+  double max_range = 500;                ///< [m]
+  Side side = Side::kUnknown;
+  std::optional<Vec3> prior;  ///< where the tags are, roughly [m]
+  unsigned counter_bits = 0;  ///< 0: find out
+  bool strict = false;
+};
+
+}  // namespace uwbpos::host

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// Summaries of samples.
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace uwbpos::host {
+
+/// The quantile of ascending values, linear between neighbours; NaN of none. 0 ≤ fraction ≤ 1.
+[[nodiscard]] double quantile_of_sorted(std::span<const double> ascending, double fraction);
+
+[[nodiscard]] double quantile(std::vector<double> values, double fraction);
+[[nodiscard]] double median(std::vector<double> values);
+[[nodiscard]] double mean(std::span<const double> values);
+[[nodiscard]] double root_mean_square(std::span<const double> values);
+
+/// 1.4826 × the median absolute deviation: the standard deviation of a normal sample, whatever its
+/// few outliers are.
+[[nodiscard]] double robust_spread(std::vector<double> values);
+
+/// A sample of signed errors in brief.
+struct SampleSummary {
+  std::size_t count = 0;
+  double mean = 0;
+  double median = 0;
+  double spread = 0;  ///< robust
+  double rms = 0;
+  double outlier_share = 0;  ///< fraction farther than the limit from zero
+};
+
+/// Outliers lie farther than `limit` from zero.
+[[nodiscard]] SampleSummary summarize(std::vector<double> values, double limit);
+
+}  // namespace uwbpos::host
