@@ -76,7 +76,7 @@ inline Vec<double, 2> in_grid(const Hall& hall, int index, int count) {
   const Vec<double, 2> edges[] = {{w / 2, 0}, {w, d / 2}, {w / 2, d}, {0, d / 2}};
   Anchors<double, 3> anchors;
   for (int i = 0; i < count; ++i) {
-    Vec<double, 2> plan;
+    Vec<double, 2> plan = Vec<double, 2>::Zero();
     switch (placement) {
       case Placement::Axes:
         plan = axes[i];
