@@ -8,9 +8,11 @@
 
 #include "calibrate.hpp"
 #include "command_line.hpp"
+#include "diagnosis.hpp"
 #include "failure.hpp"
 #include "output.hpp"
 #include "progress.hpp"
+#include "report.hpp"
 #include "summary.hpp"
 
 namespace uwbpos::host {
@@ -61,13 +63,19 @@ int run_replay(const Settings& settings) {
   }
   const bool tried = result.all.epochs > 0;
   if (tried) fmt::print("{}", summary_table(settings, recording, result));
+  for (const std::string& sentence : diagnose(result, anchor_qualities(result))) {
+    fmt::print("{}\n", sentence);
+  }
   const std::vector<std::string> said = remarks(recording, result, problems);
   print_remarks(said);
 
   write_file(settings.out / "summary.json",
              summary_json(settings, recording, tried ? &result : nullptr, problems));
   if (tried) write_tracks(settings.out, result);
-  fmt::print("wrote {}\n", (settings.out / "summary.json").string());
+  const std::filesystem::path report = settings.out / "report.html";
+  write_file(report, report_html(settings, recording, result, said));
+  fmt::print("wrote summary.json{} and the report to open: {}\n", tried ? ", track.tum" : "",
+             report.string());
   if (result.all.solved == 0 && !ranges_scored) {
     throw Failure{
         fmt::format("{}: nothing could be solved{}", recording.log.string(), advice(result))};

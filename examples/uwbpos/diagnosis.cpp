@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: MIT
+#include "diagnosis.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "recording.hpp"
+#include "statistics.hpp"
+
+namespace uwbpos::host {
+namespace {
+
+constexpr double kStandsOut = 1.25;  // times the typical anchor's rms
+
+AnchorQuality quality_of(Id anchor, std::vector<double> residuals) {
+  AnchorQuality quality;
+  quality.anchor = anchor;
+  quality.readings = residuals.size();
+  quality.rms = root_mean_square(residuals);
+  quality.spread = robust_spread(residuals);
+  std::sort(residuals.begin(), residuals.end());
+  for (const double fraction : {0.05, 0.25, 0.5, 0.75, 0.95}) {
+    quality.quantiles.push_back(quantile_of_sorted(residuals, fraction));
+  }
+  quality.bias = quality.quantiles[2];
+  const double limit = std::max(4 * quality.spread, 0.2);
+  const auto outliers = std::count_if(residuals.begin(), residuals.end(), [&](double residual) {
+    return std::abs(residual - quality.bias) > limit;
+  });
+  quality.outlier_share = static_cast<double>(outliers) / static_cast<double>(residuals.size());
+  return quality;
+}
+
+// The sentence that says what makes an anchor bad: the largest part of its mean square.
+std::string cause(const AnchorQuality& worst, const Replay& replay) {
+  const double bias = worst.bias * worst.bias;
+  const double noise = worst.spread * worst.spread;
+  const double outliers = std::max(worst.rms * worst.rms - bias - noise, 0.0);
+  const std::string numbers = fmt::format(
+      "its median is {:+.3f} m, its spread {:.3f} m, and {:.1f} % of its readings are outliers",
+      worst.bias, worst.spread, 100 * worst.outlier_share);
+  if (bias >= noise && bias >= outliers) {
+    return replay.residuals_to_truth
+               ? fmt::format(
+                     "It is mostly bias: {}. A constant bias can be measured and taken off "
+                     "with `uwbpos calibrate`.",
+                     numbers)
+               : fmt::format(
+                     "It is mostly bias: {}. Its surveyed position may be wrong, or its "
+                     "ranges are constantly off.",
+                     numbers);
+  }
+  if (outliers > noise && worst.outlier_share > 0) {
+    return fmt::format("It is mostly outliers: {}. Look for what blocks or reflects its signal.",
+                       numbers);
+  }
+  return fmt::format(
+      "It is mostly noise: {}. A clearer line of sight or a better antenna place "
+      "would help; calibration would not.",
+      numbers);
+}
+
+}  // namespace
+
+std::vector<AnchorQuality> anchor_qualities(const Replay& replay) {
+  std::map<Id, std::vector<double>> of_anchor;
+  for (const auto& [link, residuals] : replay.residuals) {
+    std::vector<double>& values = of_anchor[link.second];
+    for (const Residual& residual : residuals) values.push_back(residual.value);
+  }
+  std::vector<AnchorQuality> qualities;
+  for (auto& [anchor, residuals] : of_anchor) {
+    qualities.push_back(quality_of(anchor, std::move(residuals)));
+  }
+  std::stable_sort(qualities.begin(), qualities.end(),
+                   [](const auto& a, const auto& b) { return a.rms > b.rms; });
+  return qualities;
+}
+
+std::vector<std::string> diagnose(const Replay& replay,
+                                  const std::vector<AnchorQuality>& worst_first) {
+  std::vector<std::string> said;
+  if (worst_first.size() < 2) return said;
+  const AnchorQuality& worst = worst_first.front();
+  const double typical = worst_first[worst_first.size() / 2].rms;
+  const std::string_view against =
+      replay.residuals_to_truth ? "against the truth" : "against the solved positions";
+  if (worst.rms > kStandsOut * typical) {
+    said.push_back(
+        fmt::format("Anchor {} is the worst: its ranges are off by {:.3f} m rms {}, a "
+                    "typical anchor's by {:.3f} m.",
+                    worst.anchor, worst.rms, against, typical));
+  } else {
+    said.push_back(
+        fmt::format("No anchor stands out: ranges of the worst, anchor {}, are off by "
+                    "{:.3f} m rms {}, a typical anchor's by {:.3f} m.",
+                    worst.anchor, worst.rms, against, typical));
+  }
+  said.push_back(cause(worst, replay));
+
+  std::size_t most = 0;
+  for (const AnchorQuality& quality : worst_first) most = std::max(most, quality.readings);
+  for (const AnchorQuality& quality : worst_first) {
+    if (2 * quality.readings < most) {
+      said.push_back(fmt::format("Anchor {} is seldom heard: {}, the best-heard anchor has {}.",
+                                 quality.anchor, count_of(quality.readings, "reading"), most));
+    }
+  }
+  if (!replay.residuals_to_truth) {
+    said.push_back(
+        "Without truth these are what is left over after solving, which hides part of each "
+        "anchor's error among the others.");
+  }
+  return said;
+}
+
+}  // namespace uwbpos::host

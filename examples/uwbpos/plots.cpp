@@ -1,0 +1,398 @@
+// SPDX-License-Identifier: MIT
+#include "plots.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+
+#include "gnuplot.hpp"
+#include "scoring.hpp"
+#include "statistics.hpp"
+
+namespace uwbpos::host {
+namespace {
+
+constexpr std::size_t kMostDots = 3000;
+constexpr std::size_t kBins = 160;
+constexpr double kPause = 1;  // a line is broken over a longer gap in time [s]
+
+struct Range {
+  double low = std::numeric_limits<double>::infinity();
+  double high = -std::numeric_limits<double>::infinity();
+
+  void include(double value) {
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  [[nodiscard]] double length() const { return high - low; }
+};
+
+// What all plots share. Sizes are those of a phone; larger screens scale the picture.
+std::string preamble(int width, int height) {
+  const std::string text = ink(Ink::kText);
+  const std::string muted = ink(Ink::kMuted);
+  return fmt::format(
+      "set terminal svg size {},{} dynamic enhanced font 'sans-serif,13'\n"
+      "set border 3 lc {} lw 1\nset tics nomirror scale 0.5 tc {}\n"
+      "set grid lc {} lw 1 dt 1\nset xlabel tc {} offset 0,0.3\nset ylabel tc {} offset 1,0\n"
+      "set key off\nset encoding utf8\n",
+      width, height, muted, text, ink(Ink::kGrid), muted, muted);
+}
+
+Figure finish(std::string title, const std::string& script, std::string_view prefix,
+              std::string caption) {
+  Figure figure{std::move(title), std::nullopt, std::move(caption)};
+  if (const auto svg = run_gnuplot(script)) figure.svg = page_svg(*svg, prefix, figure.title);
+  return figure;
+}
+
+template <class... Arguments>
+void line(std::string& text, fmt::format_string<Arguments...> format, Arguments&&... arguments) {
+  fmt::format_to(std::back_inserter(text), format, std::forward<Arguments>(arguments)...);
+  text += '\n';
+}
+
+std::size_t stride_for(std::size_t count, std::size_t most) {
+  return std::max<std::size_t>(1, (count + most - 1) / most);
+}
+
+std::string thinned(std::size_t stride) {
+  return stride > 1 ? fmt::format(" Every {}th position is drawn.", stride) : std::string{};
+}
+
+std::string metres(double value) {
+  if (value < 0.0995) return fmt::format("{:.1f} cm", 100 * value);
+  return value < 0.995 ? fmt::format("{:.0f} cm", 100 * value) : fmt::format("{:.2f} m", value);
+}
+
+// Tags in the order of their ids; the place is the colour.
+std::vector<Id> tags_of(const Replay& replay) {
+  std::vector<Id> tags;
+  for (const auto& [tag, outcome] : replay.of_tag) tags.push_back(tag);
+  return tags;
+}
+
+// The errors of scored positions, ascending.
+std::vector<double> sorted_errors(const Replay& replay) {
+  std::vector<double> errors;
+  for (const Position& p : replay.track) {
+    if (p.truth) errors.push_back(error_length(p.position - *p.truth, replay.dim));
+  }
+  std::sort(errors.begin(), errors.end());
+  return errors;
+}
+
+// How far an axis of errors reaches: to the largest, unless a few outliers would flatten the rest.
+double error_limit(const std::vector<double>& ascending) {
+  const double most = ascending.back();
+  const double usual = 1.6 * quantile_of_sorted(ascending, 0.99);
+  return std::max(1.05 * std::min(most, usual), 1e-3);
+}
+
+std::string beyond(const std::vector<double>& ascending, double limit) {
+  const auto above = ascending.end() - std::upper_bound(ascending.begin(), ascending.end(), limit);
+  if (above == 0) return "";
+  return fmt::format(" {} beyond the axis, up to {}.",
+                     above == 1 ? std::string{"One lies"} : fmt::format("{} lie", above),
+                     metres(ascending.back()));
+}
+
+}  // namespace
+
+Figure map_figure(const Replay& replay, const Points& anchors) {
+  Range x;
+  Range y;
+  for (const auto& [id, position] : anchors) {
+    x.include(position.x());
+    y.include(position.y());
+  }
+  std::vector<double> xs;
+  std::vector<double> ys;
+  for (const Position& p : replay.track) {
+    xs.push_back(p.position.x());
+    ys.push_back(p.position.y());
+    if (p.truth) {
+      x.include(p.truth->x());
+      y.include(p.truth->y());
+    }
+  }
+  std::sort(xs.begin(), xs.end());
+  std::sort(ys.begin(), ys.end());
+  constexpr double tail = 0.01;
+  for (const double fraction : {tail, 1 - tail}) {
+    if (xs.empty()) break;
+    x.include(quantile_of_sorted(xs, fraction));
+    y.include(quantile_of_sorted(ys, fraction));
+  }
+  const double margin = std::max(0.07 * std::max(x.length(), y.length()), 0.2);
+  x = {x.low - margin, x.high + margin};
+  y = {y.low - margin, y.high + margin};
+
+  const int width = 520;
+  const int height =
+      static_cast<int>(std::clamp(90 + (width - 80) * y.length() / x.length(), 260.0, 680.0));
+  const std::size_t stride = stride_for(replay.track.size(), kMostDots);
+  const std::vector<Id> tags = tags_of(replay);
+  std::string data = "$anchors << EOD\n";
+  for (const auto& [id, position] : anchors) {
+    line(data, "{:.4f} {:.4f} {}", position.x(), position.y(), id);
+  }
+  data += "EOD\n";
+  std::size_t outside = 0;
+  for (std::size_t i = 0; i < tags.size(); ++i) {
+    std::string truth;
+    std::string track;
+    double last = 0;
+    std::size_t count = 0;
+    for (const Position& p : replay.track) {
+      if (p.tag != tags[i]) continue;
+      const bool inside = p.position.x() >= x.low && p.position.x() <= x.high &&
+                          p.position.y() >= y.low && p.position.y() <= y.high;
+      outside += inside ? 0 : 1;
+      const bool drawn = count++ % stride == 0;
+      if (drawn && inside) line(track, "{:.3f} {:.3f}", p.position.x(), p.position.y());
+      if (!p.truth || !drawn) continue;
+      if (p.t - last > kPause * static_cast<double>(stride)) truth += '\n';
+      line(truth, "{:.3f} {:.3f}", p.truth->x(), p.truth->y());
+      last = p.t;
+    }
+    data +=
+        fmt::format("$truth{} << EOD\n{}EOD\n$track{} << EOD\n{}EOD\n", i,
+                    truth.empty() ? "NaN NaN\n" : truth, i, track.empty() ? "NaN NaN\n" : track);
+  }
+  std::string script = preamble(width, height) + data;
+  line(script, "set size ratio -1\nset xrange [{:.4f}:{:.4f}]\nset yrange [{:.4f}:{:.4f}]", x.low,
+       x.high, y.low, y.high);
+  line(script, "set xlabel 'x [m]'\nset ylabel 'y [m]'");
+  line(script, "set key outside top center horizontal tc {} samplen 1.5 width -1 maxrows 2",
+       ink(Ink::kText));
+  script += "plot ";
+  for (std::size_t i = 0; i < tags.size(); ++i) {
+    const std::string name =
+        tags.size() == 1 ? std::string{"track"} : fmt::format("tag {}", tags[i]);
+    line(script, "$track{} with points pt 7 ps 0.22 lc {} notitle, \\", i, series_ink(i));
+    // The key shows a larger dot than the map.
+    line(script, "NaN with points pt 7 ps 0.8 lc {} title '{}', \\", series_ink(i), name);
+  }
+  for (std::size_t i = 0; i < tags.size() && replay.all.scored > 0; ++i) {
+    line(script, "$truth{} with lines lc {} lw 1.2 {}, \\", i, ink(Ink::kTruth),
+         i == 0 ? "title 'truth'" : "notitle");
+  }
+  line(script, "$anchors using 1:2 with points pt 9 ps 1.1 lc {} title 'anchor', \\",
+       ink(Ink::kAnchor));
+  line(script, "$anchors using 1:2:3 with labels offset 0,0.8 font ',12' tc {} notitle",
+       ink(Ink::kText));
+  std::string caption = "Plan view, one metre as long in x as in y; anchors by their ids.";
+  caption += thinned(stride);
+  if (outside > 0) {
+    caption += fmt::format(" {} {} outside the map.", outside,
+                           outside == 1 ? "position lies" : "positions lie");
+  }
+  return finish("Map", script, "map", caption);
+}
+
+Figure time_figure(const Replay& replay) {
+  const std::vector<double> ascending = sorted_errors(replay);
+  const double limit = error_limit(ascending);
+  const double start = replay.track.front().t;
+  const std::vector<Id> tags = tags_of(replay);
+  const std::size_t stride = stride_for(ascending.size(), kMostDots);
+  const double span = std::max(replay.track.back().t - start, 1e-9);
+  std::vector<std::vector<double>> bins(kBins);
+  std::string data;
+  for (std::size_t i = 0; i < tags.size(); ++i) {
+    data += fmt::format("$error{} << EOD\nNaN NaN\n", i);
+    std::size_t count = 0;
+    for (const Position& p : replay.track) {
+      if (p.tag != tags[i] || !p.truth) continue;
+      const double error = error_length(p.position - *p.truth, replay.dim);
+      const auto bin = static_cast<std::size_t>((p.t - start) / span * kBins);
+      bins[std::min(bin, kBins - 1)].push_back(error);
+      if (count++ % stride == 0 && error <= limit) line(data, "{:.3f} {:.4f}", p.t - start, error);
+    }
+    data += "EOD\n";
+  }
+  data += "$median << EOD\nNaN NaN\n";
+  for (std::size_t i = 0; i < kBins; ++i) {
+    if (bins[i].empty()) {
+      data += '\n';
+    } else {
+      line(data, "{:.3f} {:.4f}", (static_cast<double>(i) + 0.5) * span / kBins, median(bins[i]));
+    }
+  }
+  data += "EOD\n";
+  std::string script = preamble(520, 300) + data;
+  line(script, "set xrange [0:{:.4f}]\nset yrange [0:{:.4f}]", span, limit);
+  line(script, "set xlabel 'time since the first position [s]'\nset ylabel 'error [m]'");
+  line(script, "set key outside top center horizontal tc {} samplen 1.5 width -1 maxrows 2",
+       ink(Ink::kText));
+  script += "plot ";
+  for (std::size_t i = 0; i < tags.size(); ++i) {
+    line(script, "$error{} with points pt 7 ps 0.22 lc {} notitle, \\", i, series_ink(i));
+    line(script, "NaN with points pt 7 ps 0.8 lc {} title '{}', \\", series_ink(i),
+         tags.size() == 1 ? std::string{"position"} : fmt::format("tag {}", tags[i]));
+  }
+  line(script, "$median with lines lc {} lw 1.8 title 'median'", ink(Ink::kText));
+  return finish("Error over time", script, "time",
+                "Distance of each position from the truth at its time; the line is the median of "
+                "successive stretches." +
+                    thinned(stride) + beyond(ascending, limit));
+}
+
+Figure distribution_figure(const Replay& replay) {
+  const std::vector<double> ascending = sorted_errors(replay);
+  const double limit = error_limit(ascending);
+  constexpr int steps = 400;
+  std::string script = preamble(520, 300) + "$share << EOD\n";
+  for (int i = 0; i <= steps; ++i) {
+    const double share = static_cast<double>(i) / steps;
+    const double error = quantile_of_sorted(ascending, share);
+    if (error <= limit) line(script, "{:.5f} {:.4f}", error, 100 * share);
+  }
+  script += "EOD\n$marks << EOD\n";
+  constexpr double marked[] = {0.5, 0.9, 0.95};
+  for (const double share : marked) {
+    line(script, "{:.5f} {:.1f}", quantile_of_sorted(ascending, share), 100 * share);
+  }
+  script += "EOD\n";
+  line(script, "set xrange [0:{:.5f}]\nset yrange [0:100]\nset ytics 20", limit);
+  line(script, "set xlabel 'error [m]'\nset ylabel 'share of positions [%]'");
+  int arrow = 1;
+  for (const double share : marked) {
+    const double error = quantile_of_sorted(ascending, share);
+    line(script, "set arrow {} from {:.5f},0 to {:.5f},{:.1f} nohead lc {} lw 1 dt (4,3)", arrow,
+         error, error, 100 * share, ink(Ink::kMark));
+    line(script, "set arrow {} from 0,{:.1f} to {:.5f},{:.1f} nohead lc {} lw 1 dt (4,3)",
+         arrow + 1, 100 * share, error, 100 * share, ink(Ink::kMark));
+    // Side by side where the marks are close: 90 % above, 95 % below would collide.
+    const double height = share < 0.6 ? 46 : share < 0.92 ? 74 : 84;
+    line(script, "set label {} '{:.0f} %: {}' at {:.5f},{:.1f} offset 0.8,0 left tc {}", arrow,
+         100 * share, metres(error), quantile_of_sorted(ascending, share < 0.6 ? 0.5 : 0.95),
+         height, ink(Ink::kText));
+    arrow += 2;
+  }
+  line(script, "plot $share with lines lc {} lw 2, $marks with points pt 7 ps 0.7 lc {}",
+       series_ink(0), ink(Ink::kMark));
+  return finish(
+      "Distribution of errors", script, "share",
+      "How many positions are no farther from the truth than that." + beyond(ascending, limit));
+}
+
+Figure height_figure(const Replay& replay) {
+  const double start = replay.track.front().t;
+  const std::size_t stride = stride_for(replay.track.size(), kMostDots);
+  std::vector<double> heights;
+  for (const Position& p : replay.track) heights.push_back(p.position.z());
+  std::sort(heights.begin(), heights.end());
+  Range z{quantile_of_sorted(heights, 0.01), quantile_of_sorted(heights, 0.99)};
+  std::string track;
+  std::string truth;
+  std::size_t count = 0;
+  for (const Position& p : replay.track) {
+    if (p.truth) z.include(p.truth->z());
+    if (count++ % stride != 0) continue;
+    line(track, "{:.3f} {:.4f}", p.t - start, p.position.z());
+    if (p.truth) line(truth, "{:.3f} {:.4f}", p.t - start, p.truth->z());
+  }
+  const double margin = std::max(0.1 * z.length(), 0.1);
+  std::string script = preamble(520, 300);
+  line(script, "$track << EOD\n{}EOD\n$truth << EOD\nNaN NaN\n{}EOD", track, truth);
+  line(script, "set yrange [{:.4f}:{:.4f}]", z.low - margin, z.high + margin);
+  line(script, "set xrange [0:{:.4f}]", std::max(replay.track.back().t - start, 1e-9));
+  line(script, "set xlabel 'time since the first position [s]'\nset ylabel 'z [m]'");
+  line(script, "plot $track with points pt 7 ps 0.22 lc {}, $truth with points pt 7 ps 0.22 lc {}",
+       series_ink(0), ink(Ink::kTruth));
+  return finish("Height over time", script, "height",
+                replay.all.scored > 0
+                    ? "Coloured: solved; grey: truth. The axis leaves out the extreme 2 %."
+                    : "The axis leaves out the extreme 2 %.");
+}
+
+Figure residual_figure(const Replay& replay, const std::vector<AnchorQuality>& worst_first) {
+  constexpr std::size_t most = 24;
+  std::vector<AnchorQuality> shown{
+      worst_first.begin(),
+      worst_first.begin() + static_cast<std::ptrdiff_t>(std::min(most, worst_first.size()))};
+  std::sort(shown.begin(), shown.end(),
+            [](const auto& a, const auto& b) { return a.anchor < b.anchor; });
+  std::string script = preamble(520, 300) + "$boxes << EOD\n";
+  std::string tics;
+  for (std::size_t i = 0; i < shown.size(); ++i) {
+    const std::vector<double>& q = shown[i].quantiles;
+    const bool worst = shown.size() > 1 && shown[i].anchor == worst_first.front().anchor;
+    line(script, "{} {:.5f} {:.5f} {:.5f} {:.5f} {:.5f} {}", i, q[1], q[0], q[4], q[3], q[2],
+         worst ? 1 : 0);
+    tics += fmt::format("{}'{}' {}", i == 0 ? "" : ",", shown[i].anchor, i);
+  }
+  script += "EOD\n";
+  line(script, "set xrange [-0.7:{:.1f}]", static_cast<double>(shown.size()) - 0.3);
+  line(script, "set xtics ({}){}\nset boxwidth 0.5\nunset grid\nset grid ytics lc {} dt 1", tics,
+       shown.size() > 12 ? " rotate by 45 right font ',10'" : "", ink(Ink::kGrid));
+  line(script, "set xlabel 'anchor'\nset ylabel 'residual [m]'\nset style fill solid 0.35 border");
+  line(script, "set xzeroaxis lc {} lw 1.4", ink(Ink::kMuted));
+  line(script,
+       "plot $boxes using ($7==0?$1:NaN):2:3:4:5 with candlesticks whiskerbars 0.6 lc {} lw 1.3, "
+       "$boxes using ($7==1?$1:NaN):2:3:4:5 with candlesticks whiskerbars 0.6 lc {} lw 1.3, "
+       "$boxes using 1:6:6:6:6 with candlesticks lc {} lw 2",
+       series_ink(0), ink(Ink::kWorst), ink(Ink::kText));
+  std::string caption =
+      replay.residuals_to_truth
+          ? "Measured minus true range, after the bias table if there is one."
+          : "Measured range minus distance from the solved position to the anchor.";
+  caption += " Box: the middle half, with the median; whiskers: 5 to 95 %.";
+  if (worst_first.size() > 1) caption += " The worst anchor has a colour of its own.";
+  if (worst_first.size() > most) {
+    caption += fmt::format(" The {} worst of {} anchors.", most, worst_first.size());
+  }
+  return finish("Residuals of each anchor", script, "residual", caption);
+}
+
+Figure range_error_figure(const std::vector<ScoredRange>& ranges) {
+  struct Method {
+    const char* name;
+    std::string data;
+    bool any = false;
+  };
+  Method methods[] = {{"ranged here", {}}, {"as logged", {}}, {"clocks not corrected", {}}};
+  const std::size_t stride = stride_for(ranges.size(), kMostDots / 3);
+  std::vector<double> errors;
+  for (std::size_t i = 0; i < ranges.size(); ++i) {
+    const ScoredRange& range = ranges[i];
+    const std::optional<double> values[] = {range.range, range.logged, range.uncorrected};
+    for (std::size_t m = 0; m < std::size(methods); ++m) {
+      if (!values[m]) continue;
+      errors.push_back(*values[m] - range.truth);
+      methods[m].any = true;
+      if (i % stride == 0) line(methods[m].data, "{:.4f} {:.4f}", range.truth, errors.back());
+    }
+  }
+  std::sort(errors.begin(), errors.end());
+  Range y{quantile_of_sorted(errors, 0.005), quantile_of_sorted(errors, 0.995)};
+  y.include(0);
+  const double margin = std::max(0.15 * y.length(), 0.01);
+  std::string script = preamble(520, 340);
+  for (std::size_t m = 0; m < std::size(methods); ++m) {
+    line(script, "$method{} << EOD\nNaN NaN\n{}EOD", m, methods[m].data);
+  }
+  line(script, "set yrange [{:.4f}:{:.4f}]\nset offsets graph 0.02, graph 0.02", y.low - margin,
+       y.high + margin);
+  line(script, "set xlabel 'true distance [m]'\nset ylabel 'error of the range [m]'");
+  line(script, "set xzeroaxis lc {} lw 1.4", ink(Ink::kMuted));
+  line(script, "set key outside top center horizontal tc {} samplen 1.5 width -1 maxrows 2",
+       ink(Ink::kText));
+  script += "plot ";
+  for (const std::size_t m : {2, 1, 0}) {
+    if (!methods[m].any) continue;
+    line(script, "$method{} with points pt 7 ps 0.3 lc {} notitle, \\", m, series_ink(m));
+    line(script, "NaN with points pt 7 ps 0.8 lc {} title '{}'{}", series_ink(m), methods[m].name,
+         m == 0 ? "" : ", \\");
+  }
+  return finish(
+      "Error of ranges", script, "ranges",
+      stride > 1 ? fmt::format("Range minus true distance. Every {}th exchange is drawn.", stride)
+                 : std::string{"Range minus true distance."});
+}
+
+}  // namespace uwbpos::host

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// The report's plots: what each shows, thinned out so that a long recording stays a small page.
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "diagnosis.hpp"
+#include "exchanges.hpp"
+#include "replay.hpp"
+
+namespace uwbpos::host {
+
+/// A plot and what to say below it. `svg` is missing when gnuplot is.
+struct Figure {
+  std::string title;
+  std::optional<std::string> svg;
+  std::string caption;
+};
+
+/// Plan view to scale: anchors, truth and track.
+[[nodiscard]] Figure map_figure(const Replay& replay, const Points& anchors);
+/// Error of each position over time.
+[[nodiscard]] Figure time_figure(const Replay& replay);
+/// Share of positions with no more than an error, 50, 90 and 95 % marked.
+[[nodiscard]] Figure distribution_figure(const Replay& replay);
+/// Height over time; for positions in space.
+[[nodiscard]] Figure height_figure(const Replay& replay);
+/// Box per anchor.
+[[nodiscard]] Figure residual_figure(const Replay& replay,
+                                     const std::vector<AnchorQuality>& worst_first);
+/// Error of ranges over the true distance, of each method.
+[[nodiscard]] Figure range_error_figure(const std::vector<ScoredRange>& ranges);
+
+}  // namespace uwbpos::host

@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: MIT
+#include "report.hpp"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "uwbpos/core/version.hpp"
+
+#include "diagnosis.hpp"
+#include "plots.hpp"
+#include "report_style.hpp"
+
+namespace uwbpos::host {
+namespace {
+
+std::string metres(double value) {
+  if (!std::isfinite(value)) return "–";
+  if (std::abs(value) < 0.9995) return fmt::format("{:.1f} cm", 100 * value);
+  return fmt::format("{:.2f} m", value);
+}
+
+std::string thousands(double value) {
+  if (value >= 1e6) return fmt::format("{:.1f} million", value / 1e6);
+  if (value >= 1e4) return fmt::format("{:.0f} 000", value / 1e3);
+  return fmt::format("{:.0f}", value);
+}
+
+std::string number(std::string_view value, std::string_view meaning, bool first = false) {
+  return fmt::format("<div class=\"number{}\"><b>{}</b><span>{}</span></div>\n",
+                     first ? " first" : "", value, meaning);
+}
+
+std::string figure(const Figure& f, bool wide = false) {
+  return fmt::format("<figure class=\"card{}\"><h2>{}</h2>{}<figcaption>{}</figcaption></figure>\n",
+                     wide ? " wide" : "", f.title,
+                     f.svg ? *f.svg
+                           : "<p class=\"missing\">This plot is missing: gnuplot could not be run. "
+                             "Install it (Debian: gnuplot-nox) and replay again.</p>",
+                     f.caption);
+}
+
+std::string card(std::string_view title, std::string_view content, bool wide = false) {
+  return fmt::format("<section class=\"card{}\"><h2>{}</h2>{}</section>\n", wide ? " wide" : "",
+                     title, content);
+}
+
+std::string list(const std::vector<std::string>& sentences) {
+  std::string text = "<ul>";
+  for (const std::string& sentence : sentences) {
+    text += fmt::format("<li>{}</li>", escaped(sentence));
+  }
+  return text + "</ul>";
+}
+
+// The headline numbers.
+std::string numbers(const Replay& replay) {
+  std::string text = "<div class=\"numbers\">\n";
+  const Outcome& all = replay.all;
+  if (all.scored > 0) {
+    const ErrorSummary& e = all.error;
+    text += number(metres(e.rmse), replay.dim == 3 ? "rmse in space" : "rmse in the plane", true);
+    if (replay.dim == 3) text += number(metres(e.rmse_xy), "rmse in the plane");
+    text += number(metres(e.median), "median error");
+    text += number(metres(e.p95), "95 % are below");
+    text += number(metres(e.max), "largest error");
+  }
+  const double share = 100 * static_cast<double>(all.solved) /
+                       static_cast<double>(std::max<std::size_t>(all.epochs, 1));
+  text += number(fmt::format("{} / {}", all.solved, all.epochs),
+                 fmt::format("epochs solved ({:.{}f} %)", share, share == 100 ? 0 : 1));
+  text += number(fmt::format("{}", total(all.rejected)), "epochs rejected");
+  if (replay.solve_seconds > 0) {
+    text += number(thousands(static_cast<double>(replay.solve_calls) / replay.solve_seconds),
+                   "solves per second");
+  }
+  return text + "</div>\n";
+}
+
+std::string outcome_row(std::string_view name, const Outcome& outcome, bool scored, int dim) {
+  std::string text =
+      fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td>", name, outcome.epochs, outcome.solved);
+  if (scored) {
+    const ErrorSummary& e = outcome.error;
+    for (const double value : {e.rmse, e.mean, e.median, e.p95, e.max}) {
+      text += fmt::format("<td>{}</td>", outcome.scored > 0 ? metres(value) : "–");
+    }
+    if (dim == 3) text += fmt::format("<td>{}</td>", outcome.scored > 0 ? metres(e.rmse_xy) : "–");
+  }
+  return text + "</tr>\n";
+}
+
+std::string tag_table(const Replay& replay) {
+  const bool scored = replay.all.scored > 0;
+  std::string text = "<div class=\"scroll\"><table><tr><th></th><th>epochs</th><th>solved</th>";
+  if (scored) {
+    text += "<th>rmse</th><th>mean</th><th>median</th><th>95 %</th><th>largest</th>";
+    if (replay.dim == 3) text += "<th>rmse xy</th>";
+  }
+  text += "</tr>\n";
+  for (const auto& [tag, outcome] : replay.of_tag) {
+    text += outcome_row(fmt::format("tag {}", tag), outcome, scored, replay.dim);
+  }
+  if (replay.of_tag.size() > 1) text += outcome_row("all", replay.all, scored, replay.dim);
+  return text + "</table></div>";
+}
+
+std::string anchor_table(const std::vector<AnchorQuality>& worst_first) {
+  std::string text =
+      "<div class=\"scroll\"><table><tr><th>anchor</th><th>readings</th><th>median</th>"
+      "<th>spread</th><th>rms</th><th>outliers</th></tr>\n";
+  for (const AnchorQuality& q : worst_first) {
+    text += fmt::format(
+        "<tr><td>{}</td><td>{}</td><td>{:+.3f}</td><td>{:.3f}</td><td>{:.3f}</td>"
+        "<td>{:.1f} %</td></tr>\n",
+        q.anchor, q.readings, q.bias, q.spread, q.rms, 100 * q.outlier_share);
+  }
+  return text + "</table></div>";
+}
+
+std::string rejected_table(const Counts& rejected, std::string_view what) {
+  std::string text =
+      fmt::format("<div class=\"scroll\"><table><tr><th>reason</th><th>{}</th></tr>\n", what);
+  for (const auto& [reason, count] : rejected) {
+    text += fmt::format("<tr><td class=\"words\">{}</td><td>{}</td></tr>\n",
+                        escaped(reason_words(reason)), count);
+  }
+  return text + "</table></div>";
+}
+
+std::string range_row(std::string_view name, const SampleSummary& s) {
+  return fmt::format(
+      "<tr><td>{}</td><td>{}</td><td>{:+.3f}</td><td>{:.3f}</td><td>{:+.3f}</td>"
+      "<td>{:.1f} %</td></tr>\n",
+      name, s.count, s.median, s.spread, s.mean, 100 * s.outlier_share);
+}
+
+std::string range_section(const Ranging& ranging) {
+  const RangeScore score = score_ranges(ranging.scored);
+  std::string table =
+      "<div class=\"scroll\"><table><tr><th>error of ranges [m]</th><th>ranges</th>"
+      "<th>median</th><th>spread</th><th>mean</th><th>beyond 0.6 m</th></tr>\n";
+  table += range_row("ranged here", score.ours);
+  if (score.logged) table += range_row("as the module logged", *score.logged);
+  if (score.uncorrected) table += range_row("clocks not corrected", *score.uncorrected);
+  table += "</table></div><p class=\"lead\">Spread: 1.4826 × median absolute deviation.</p>";
+  return figure(range_error_figure(ranging.scored), true) +
+         card("Ranges against surveyed distances", table, true);
+}
+
+std::string lead(const Settings& settings, const Recording& recording, const Replay& replay) {
+  std::string text = count_of(recording.readings.size(), "range");
+  if (recording.seconds > 0) text += fmt::format(" over {:.1f} s", recording.seconds);
+  if (replay.all.epochs > 0) {
+    text += fmt::format(", {}, {}", count_of(recording.site.anchors.size(), "anchor"),
+                        count_of(replay.of_tag.size(), "tag"));
+    text += replay.dim == 3 ? "; solved in space"
+            : settings.height
+                ? fmt::format("; solved in the plane, tags {:g} m high", *settings.height)
+                : std::string{"; solved in the plane, heights left out"};
+    text += replay.rule.window > 0 ? fmt::format(", epochs of up to {:.3g} s", replay.rule.window)
+                                   : std::string{", one epoch per time stamp"};
+    text += settings.bias.empty() ? "; no bias table" : "; link biases subtracted";
+    if (settings.truth.empty()) text += "; no truth to compare with";
+  }
+  return text + ". Each position is solved on its own: nothing is smoothed or filtered.";
+}
+
+}  // namespace
+
+std::string escaped(std::string_view text) {
+  std::string result;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        result += "&amp;";
+        break;
+      case '<':
+        result += "&lt;";
+        break;
+      case '>':
+        result += "&gt;";
+        break;
+      case '"':
+        result += "&quot;";
+        break;
+      default:
+        result += c;
+    }
+  }
+  return result;
+}
+
+std::string report_html(const Settings& settings, const Recording& recording, const Replay& replay,
+                        const std::vector<std::string>& said) {
+  const std::string name = escaped(recording.log.string());
+  std::string page = fmt::format(
+      "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+      "<meta name=\"color-scheme\" content=\"light dark\">\n"
+      "<title>uwbpos: {}</title>\n<style>{}</style>\n</head>\n<body>\n<main>\n<h1>{}</h1>\n"
+      "<p class=\"lead\">{}</p>\n",
+      name, kReportStyle, name, escaped(lead(settings, recording, replay)));
+  const bool solved = replay.all.solved > 0;
+  if (replay.all.epochs > 0) page += numbers(replay);
+  page += "<div class=\"grid\">\n";
+  if (solved) {
+    const std::vector<AnchorQuality> worst_first = anchor_qualities(replay);
+    page += figure(map_figure(replay, recording.site.anchors), true);
+    if (replay.all.scored > 0) {
+      page += figure(time_figure(replay));
+      page += figure(distribution_figure(replay));
+    }
+    if (replay.dim == 3) page += figure(height_figure(replay));
+    if (!worst_first.empty()) {
+      page += figure(residual_figure(replay, worst_first));
+      std::string verdict;
+      for (const std::string& sentence : diagnose(replay, worst_first)) {
+        verdict += fmt::format("<p class=\"{}\">{}</p>", verdict.empty() ? "verdict" : "",
+                               escaped(sentence));
+      }
+      page += card("Which anchor is the worst, and why", verdict + anchor_table(worst_first));
+    }
+    page += card("Tags", tag_table(replay), true);
+  }
+  if (recording.ranging && !recording.ranging->scored.empty()) {
+    page += range_section(*recording.ranging);
+  }
+  if (!replay.all.rejected.empty()) {
+    page += card("Rejected epochs", rejected_table(replay.all.rejected, "epochs"));
+  }
+  if (recording.ranging && !recording.ranging->refused.empty()) {
+    page += card("Refused exchanges", rejected_table(recording.ranging->refused, "exchanges"));
+  }
+  if (!said.empty()) page += card("About the input", list(said));
+  page += fmt::format(
+      "</div>\n<footer>Written by uwbpos {}. The same numbers, for programs: "
+      "summary.json; the positions: track.tum.</footer>\n</main>\n</body>\n</html>\n",
+      kVersion);
+  return page;
+}
+
+}  // namespace uwbpos::host
