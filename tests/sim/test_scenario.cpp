@@ -182,26 +182,30 @@ TEST_CASE("The setting of paper 000 can be said and behaves as the paper found")
   scenario.path = *random_stops({0, 0, 0.5}, {30, 20, 0.5}, 30, random);
   scenario.radio = delivery_robot_radio();
   scenario.epoch_rate = 1;
-  const auto shots = all_shots(scenario);
-  REQUIRE(shots.size() == 90);
-  std::vector<double> single;
-  std::vector<double> improved;
-  std::vector<double> asymmetric;
-  for (const Shot& shot : shots) {
-    const auto ss = uwbpos::ss_twr_range<double>(*ss_stamps(shot.exchange));
-    const auto symmetric = uwbpos::ds_twr_range_symmetric<double>(*ds_stamps(shot.exchange));
-    const auto ds = uwbpos::ds_twr_range<double>(*ds_stamps(shot.exchange));
-    REQUIRE((ss && symmetric && ds));
-    const double distance = shot.exchange.distance[0];
-    single.push_back(std::abs(ss->value - distance));
-    improved.push_back(std::abs(symmetric->value - distance));
-    asymmetric.push_back(std::abs(ds->value - distance));
+  for (scenario.seed = 1; scenario.seed <= 10; ++scenario.seed) {
+    CAPTURE(scenario.seed);
+    const auto shots = all_shots(scenario);
+    REQUIRE(shots.size() == 90);
+    std::vector<double> single;
+    std::vector<double> improved;
+    std::vector<double> asymmetric;
+    for (const Shot& shot : shots) {
+      const auto ss = uwbpos::ss_twr_range<double>(*ss_stamps(shot.exchange));
+      const auto symmetric = uwbpos::ds_twr_range_symmetric<double>(*ds_stamps(shot.exchange));
+      const auto ds = uwbpos::ds_twr_range<double>(*ds_stamps(shot.exchange));
+      REQUIRE((ss && symmetric && ds));
+      const double distance = shot.exchange.distance[0];
+      single.push_back(std::abs(ss->value - distance));
+      improved.push_back(std::abs(symmetric->value - distance));
+      asymmetric.push_back(std::abs(ds->value - distance));
+    }
+    // Which clocks were drawn decides how far: 17 … 89 cm unimproved, 3 … 17 cm improved. The
+    // order is the paper's always (16.3 and 5.1 cm there), and the asymmetric formula is left
+    // with its noise, 2.8 cm · √(2/π) = 2.2 cm, known to 0.2 cm from 90 ranges.
+    CHECK(uwbpos::test::mean(single) > 2 * uwbpos::test::mean(improved));
+    CHECK(uwbpos::test::mean(improved) > uwbpos::test::mean(asymmetric));
+    CHECK(uwbpos::test::mean(asymmetric) < 0.028);
   }
-  // Whatever the seed, the order is the paper's: its table has 16.3 cm unimproved, 5.1 cm
-  // improved. The asymmetric formula is left with noise, 2.8 cm · √(2/π) = 2.2 cm.
-  CHECK(uwbpos::test::mean(single) > 2 * uwbpos::test::mean(improved));
-  CHECK(uwbpos::test::mean(improved) > uwbpos::test::mean(asymmetric));
-  CHECK(uwbpos::test::mean(asymmetric) < 0.03);
 }
 
 TEST_CASE("Every stop is measured once when epochs are as long as stops") {
@@ -270,6 +274,6 @@ TEST_CASE("Every scenario that cannot run is refused by name") {
   CHECK(refused([](Scenario& s) { s.path = Circle{.speed = -1}; }));
 }
 
-TEST_CASE("A run fits on a small stack") { CHECK(sizeof(Simulation) < 80 * 1024); }
+TEST_CASE("A run fits on a small stack") { CHECK(sizeof(Simulation) < 32 * 1024); }
 
 }  // namespace

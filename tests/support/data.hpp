@@ -14,7 +14,8 @@
 namespace uwbpos::test {
 
 /// The folder of recordings: $UWBPOS_DATA, else ../shared/data beside the source tree (whose
-/// place the build gives as UWBPOS_SOURCE_DIR); nothing when neither is a folder.
+/// place the build gives as UWBPOS_SOURCE_DIR, else where the test was started); nothing when
+/// neither is a folder.
 inline std::optional<std::filesystem::path> data_dir() {
   std::error_code ignored;
   if (const char* named = std::getenv("UWBPOS_DATA"); named != nullptr && *named != '\0') {
@@ -23,10 +24,12 @@ inline std::optional<std::filesystem::path> data_dir() {
     return std::nullopt;
   }
 #ifdef UWBPOS_SOURCE_DIR
-  const std::filesystem::path beside =
-      (std::filesystem::path{UWBPOS_SOURCE_DIR} / ".." / "shared" / "data").lexically_normal();
-  if (std::filesystem::is_directory(beside, ignored)) return beside;
+  const std::filesystem::path source{UWBPOS_SOURCE_DIR};
+#else
+  const std::filesystem::path source = std::filesystem::current_path(ignored);
 #endif
+  const std::filesystem::path beside = (source / ".." / "shared" / "data").lexically_normal();
+  if (std::filesystem::is_directory(beside, ignored)) return beside;
   return std::nullopt;
 }
 

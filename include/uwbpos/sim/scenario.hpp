@@ -87,7 +87,7 @@ struct Shot {
   return epochs < 1 ? 1 : static_cast<std::int64_t>(epochs);
 }
 
-/// A run in progress. About 70 kB with the scenario; never allocates.
+/// A run in progress. About 30 kB, the scenario among it; never allocates.
 class Simulation {
  public:
   /// Draws the devices. Errors: TooFewMeasurements (no anchors); InvalidOption (counts beyond
