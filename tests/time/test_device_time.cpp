@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: MIT
+#include <cstdint>
+
+#include <doctest/doctest.h>
+
+#include <uwbpos/sim/noise.hpp>
+#include <uwbpos/time/device_time.hpp>
+
+namespace {
+
+using uwbpos::DeviceTime;
+
+static_assert(DeviceTime<>::kBits == 40);
+static_assert(DeviceTime<40>{1} - DeviceTime<40>{0xff'ffff'ffff} == 2);
+static_assert(DeviceTime<32>{0} - DeviceTime<32>{1} == -1);
+static_assert(DeviceTime<8>{256}.ticks() == 0);
+static_assert(DeviceTime<>{} == DeviceTime<>{0});
+
+template <unsigned Bits>
+void check_laws() {
+  using Time = DeviceTime<Bits>;
+  uwbpos::sim::Random random{"device time"};
+  for (int i = 0; i < 2000; ++i) {
+    const Time start{random.bits()};
+    const std::int64_t ticks =
+        static_cast<std::int64_t>(random.bits() >> (65 - Bits)) * (random.chance(0.5) ? 1 : -1);
+    CHECK((start + ticks) - start == ticks);
+    CHECK(start - (start + ticks) == -ticks);
+    CHECK((start + ticks) - ticks == start);
+    CHECK((start - ticks) == (start + -ticks));
+  }
+}
+
+TEST_CASE("Differences below half the range survive any number of wraps") {
+  check_laws<8>();
+  check_laws<32>();
+  check_laws<40>();
+  check_laws<62>();
+}
+
+TEST_CASE("Half the range has no sign and comes out negative") {
+  const DeviceTime<> start{12345};
+  CHECK((start + DeviceTime<>::kHalfWrap) - start == -DeviceTime<>::kHalfWrap);
+  CHECK(start - (start + DeviceTime<>::kHalfWrap) == -DeviceTime<>::kHalfWrap);
+  CHECK((start + (DeviceTime<>::kHalfWrap - 1)) - start == DeviceTime<>::kHalfWrap - 1);
+}
+
+TEST_CASE("Bits above the counter's are dropped") {
+  CHECK(DeviceTime<>{0xabcd'ef01'2345'6789}.ticks() == 0x01'2345'6789);
+  CHECK(DeviceTime<32>{0xffff'ffff'ffff'ffff}.ticks() == 0xffff'ffff);
+}
+
+}  // namespace
