@@ -37,6 +37,7 @@ std::string preamble(int width, int height) {
       "set terminal svg size {},{} dynamic enhanced font 'sans-serif,13'\n"
       "set border 3 lc {} lw 1\nset tics nomirror scale 0.5 tc {}\n"
       "set grid lc {} lw 1 dt 1\nset xlabel tc {} offset 0,0.3\nset ylabel tc {} offset 1,0\n"
+      "set lmargin 7.5\nset rmargin 1.5\nset tmargin 1\nset bmargin 3.2\n"
       "set key off\nset encoding utf8\n",
       width, height, muted, text, ink(Ink::kGrid), muted, muted);
 }
@@ -59,7 +60,7 @@ std::size_t stride_for(std::size_t count, std::size_t most) {
 }
 
 std::string thinned(std::size_t stride) {
-  return stride > 1 ? fmt::format(" Every {}th position is drawn.", stride) : std::string{};
+  return stride > 1 ? fmt::format(" One position in {} is drawn.", stride) : std::string{};
 }
 
 std::string metres(double value) {
@@ -132,7 +133,7 @@ Figure map_figure(const Replay& replay, const Points& anchors) {
 
   const int width = 520;
   const int height =
-      static_cast<int>(std::clamp(90 + (width - 80) * y.length() / x.length(), 260.0, 680.0));
+      static_cast<int>(std::clamp(100 + (width - 84) * y.length() / x.length(), 260.0, 700.0));
   const std::size_t stride = stride_for(replay.track.size(), kMostDots);
   const std::vector<Id> tags = tags_of(replay);
   std::string data = "$anchors << EOD\n";
@@ -166,8 +167,11 @@ Figure map_figure(const Replay& replay, const Points& anchors) {
   line(script, "set size ratio -1\nset xrange [{:.4f}:{:.4f}]\nset yrange [{:.4f}:{:.4f}]", x.low,
        x.high, y.low, y.high);
   line(script, "set xlabel 'x [m]'\nset ylabel 'y [m]'");
-  line(script, "set key outside top center horizontal tc {} samplen 1.5 width -1 maxrows 2",
-       ink(Ink::kText));
+  line(
+      script,
+      "set tmargin 2.6\nset key at graph 0.5, screen 0.985 center top horizontal tc {} samplen 1.2 "
+      "width -1 maxrows 1",
+      ink(Ink::kText));
   script += "plot ";
   for (std::size_t i = 0; i < tags.size(); ++i) {
     const std::string name =
@@ -226,8 +230,11 @@ Figure time_figure(const Replay& replay) {
   std::string script = preamble(520, 300) + data;
   line(script, "set xrange [0:{:.4f}]\nset yrange [0:{:.4f}]", span, limit);
   line(script, "set xlabel 'time since the first position [s]'\nset ylabel 'error [m]'");
-  line(script, "set key outside top center horizontal tc {} samplen 1.5 width -1 maxrows 2",
-       ink(Ink::kText));
+  line(
+      script,
+      "set tmargin 2.6\nset key at graph 0.5, screen 0.985 center top horizontal tc {} samplen 1.2 "
+      "width -1 maxrows 1",
+      ink(Ink::kText));
   script += "plot ";
   for (std::size_t i = 0; i < tags.size(); ++i) {
     line(script, "$error{} with points pt 7 ps 0.22 lc {} notitle, \\", i, series_ink(i));
@@ -251,6 +258,10 @@ Figure distribution_figure(const Replay& replay) {
     const double error = quantile_of_sorted(ascending, share);
     if (error <= limit) line(script, "{:.5f} {:.4f}", error, 100 * share);
   }
+  const auto within = std::upper_bound(ascending.begin(), ascending.end(), limit);
+  line(script, "{:.5f} {:.4f}", limit,
+       100 * static_cast<double>(within - ascending.begin()) /
+           static_cast<double>(ascending.size()));
   script += "EOD\n$marks << EOD\n";
   constexpr double marked[] = {0.5, 0.9, 0.95};
   for (const double share : marked) {
@@ -380,8 +391,11 @@ Figure range_error_figure(const std::vector<ScoredRange>& ranges) {
        y.high + margin);
   line(script, "set xlabel 'true distance [m]'\nset ylabel 'error of the range [m]'");
   line(script, "set xzeroaxis lc {} lw 1.4", ink(Ink::kMuted));
-  line(script, "set key outside top center horizontal tc {} samplen 1.5 width -1 maxrows 2",
-       ink(Ink::kText));
+  line(
+      script,
+      "set tmargin 2.6\nset key at graph 0.5, screen 0.985 center top horizontal tc {} samplen 1.2 "
+      "width -1 maxrows 1",
+      ink(Ink::kText));
   script += "plot ";
   for (const std::size_t m : {2, 1, 0}) {
     if (!methods[m].any) continue;
@@ -389,10 +403,10 @@ Figure range_error_figure(const std::vector<ScoredRange>& ranges) {
     line(script, "NaN with points pt 7 ps 0.8 lc {} title '{}'{}", series_ink(m), methods[m].name,
          m == 0 ? "" : ", \\");
   }
-  return finish(
-      "Error of ranges", script, "ranges",
-      stride > 1 ? fmt::format("Range minus true distance. Every {}th exchange is drawn.", stride)
-                 : std::string{"Range minus true distance."});
+  return finish("Error of ranges", script, "ranges",
+                stride > 1
+                    ? fmt::format("Range minus true distance. One exchange in {} is drawn.", stride)
+                    : std::string{"Range minus true distance."});
 }
 
 }  // namespace uwbpos::host

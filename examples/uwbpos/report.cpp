@@ -31,18 +31,19 @@ std::string number(std::string_view value, std::string_view meaning, bool first 
                      first ? " first" : "", value, meaning);
 }
 
-std::string figure(const Figure& f, bool wide = false) {
-  return fmt::format("<figure class=\"card{}\"><h2>{}</h2>{}<figcaption>{}</figcaption></figure>\n",
-                     wide ? " wide" : "", f.title,
+std::string figure(const Figure& f) {
+  return fmt::format("<figure class=\"card\"><h2>{}</h2>{}<figcaption>{}</figcaption></figure>\n",
+                     f.title,
                      f.svg ? *f.svg
                            : "<p class=\"missing\">This plot is missing: gnuplot could not be run. "
                              "Install it (Debian: gnuplot-nox) and replay again.</p>",
                      f.caption);
 }
 
-std::string card(std::string_view title, std::string_view content, bool wide = false) {
-  return fmt::format("<section class=\"card{}\"><h2>{}</h2>{}</section>\n", wide ? " wide" : "",
-                     title, content);
+std::string card(std::string_view title, std::string_view content,
+                 std::string_view extent = "later") {
+  return fmt::format("<section class=\"card {}\"><h2>{}</h2>{}</section>\n", extent, title,
+                     content);
 }
 
 std::string list(const std::vector<std::string>& sentences) {
@@ -67,8 +68,9 @@ std::string numbers(const Replay& replay) {
   }
   const double share = 100 * static_cast<double>(all.solved) /
                        static_cast<double>(std::max<std::size_t>(all.epochs, 1));
-  text += number(fmt::format("{} / {}", all.solved, all.epochs),
-                 fmt::format("epochs solved ({:.{}f} %)", share, share == 100 ? 0 : 1));
+  text += number(
+      fmt::format("{}", all.solved),
+      fmt::format("of {} epochs solved ({:.{}f} %)", all.epochs, share, share == 100 ? 0 : 1));
   text += number(fmt::format("{}", total(all.rejected)), "epochs rejected");
   if (replay.solve_seconds > 0) {
     text += number(thousands(static_cast<double>(replay.solve_calls) / replay.solve_seconds),
@@ -128,6 +130,29 @@ std::string rejected_table(const Counts& rejected, std::string_view what) {
   return text + "</table></div>";
 }
 
+// Two columns on a wide screen; on a narrow one the plots come before the words.
+std::string findings(const Recording& recording, const Replay& replay) {
+  const std::vector<AnchorQuality> worst_first = anchor_qualities(replay);
+  std::string left = figure(map_figure(replay, recording.site.anchors));
+  std::string right;
+  if (replay.all.scored > 0)
+    right = figure(time_figure(replay)) + figure(distribution_figure(replay));
+  if (replay.dim == 3) left += figure(height_figure(replay));
+  if (!worst_first.empty()) {
+    right += figure(residual_figure(replay, worst_first));
+    std::string verdict;
+    for (const std::string& sentence : diagnose(replay, worst_first)) {
+      verdict += fmt::format("<p class=\"{}\">{}</p>", verdict.empty() ? "verdict" : "reason",
+                             escaped(sentence));
+    }
+    left +=
+        card("Which anchor is the worst, and why", verdict + anchor_table(worst_first), "later");
+  }
+  return fmt::format("<div class=\"column\">\n{}</div>\n<div class=\"column\">\n{}</div>\n", left,
+                     right) +
+         card("Tags", tag_table(replay), "wide later");
+}
+
 std::string range_row(std::string_view name, const SampleSummary& s) {
   return fmt::format(
       "<tr><td>{}</td><td>{}</td><td>{:+.3f}</td><td>{:.3f}</td><td>{:+.3f}</td>"
@@ -135,17 +160,28 @@ std::string range_row(std::string_view name, const SampleSummary& s) {
       name, s.count, s.median, s.spread, s.mean, 100 * s.outlier_share);
 }
 
+// The headline numbers when ranges are all there is.
+std::string range_numbers(const Ranging& ranging) {
+  const SampleSummary s = score_ranges(ranging.scored).ours;
+  return "<div class=\"numbers\">\n" + number(metres(s.median), "median error of a range", true) +
+         number(metres(s.spread), "spread (robust)") + number(metres(s.mean), "mean error") +
+         number(fmt::format("{:.2f} %", 100 * s.outlier_share), "off by more than 0.6 m") +
+         number(fmt::format("{}", ranging.readings.size()),
+                fmt::format("of {} exchanges ranged", ranging.exchanges)) +
+         "</div>\n";
+}
+
 std::string range_section(const Ranging& ranging) {
   const RangeScore score = score_ranges(ranging.scored);
   std::string table =
-      "<div class=\"scroll\"><table><tr><th>error of ranges [m]</th><th>ranges</th>"
-      "<th>median</th><th>spread</th><th>mean</th><th>beyond 0.6 m</th></tr>\n";
+      "<div class=\"scroll\"><table><tr><th>error [m]</th><th>ranges</th>"
+      "<th>median</th><th>spread</th><th>mean</th><th>&gt; 0.6 m</th></tr>\n";
   table += range_row("ranged here", score.ours);
   if (score.logged) table += range_row("as the module logged", *score.logged);
   if (score.uncorrected) table += range_row("clocks not corrected", *score.uncorrected);
   table += "</table></div><p class=\"lead\">Spread: 1.4826 × median absolute deviation.</p>";
-  return figure(range_error_figure(ranging.scored), true) +
-         card("Ranges against surveyed distances", table, true);
+  return figure(range_error_figure(ranging.scored)) +
+         card("Ranges against surveyed distances", table);
 }
 
 std::string lead(const Settings& settings, const Recording& recording, const Replay& replay) {
@@ -163,13 +199,17 @@ std::string lead(const Settings& settings, const Recording& recording, const Rep
     text += settings.bias.empty() ? "; no bias table" : "; link biases subtracted";
     if (settings.truth.empty()) text += "; no truth to compare with";
   }
-  return text + ". Each position is solved on its own: nothing is smoothed or filtered.";
+  if (replay.all.epochs > 0) {
+    return text + ". Each position is solved on its own: nothing is smoothed or filtered.";
+  }
+  return text + ", compared with surveyed distances.";
 }
 
 }  // namespace
 
 std::string escaped(std::string_view text) {
   std::string result;
+  bool code = false;
   for (const char c : text) {
     switch (c) {
       case '&':
@@ -184,6 +224,10 @@ std::string escaped(std::string_view text) {
       case '"':
         result += "&quot;";
         break;
+      case '`':
+        result += code ? "</code>" : "<code>";
+        code = !code;
+        break;
       default:
         result += c;
     }
@@ -193,7 +237,9 @@ std::string escaped(std::string_view text) {
 
 std::string report_html(const Settings& settings, const Recording& recording, const Replay& replay,
                         const std::vector<std::string>& said) {
-  const std::string name = escaped(recording.log.string());
+  const std::filesystem::path& log = recording.log;
+  const std::string name =
+      escaped((log.parent_path().filename() / log.filename()).generic_string());
   std::string page = fmt::format(
       "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
@@ -202,27 +248,13 @@ std::string report_html(const Settings& settings, const Recording& recording, co
       "<p class=\"lead\">{}</p>\n",
       name, kReportStyle, name, escaped(lead(settings, recording, replay)));
   const bool solved = replay.all.solved > 0;
-  if (replay.all.epochs > 0) page += numbers(replay);
-  page += "<div class=\"grid\">\n";
-  if (solved) {
-    const std::vector<AnchorQuality> worst_first = anchor_qualities(replay);
-    page += figure(map_figure(replay, recording.site.anchors), true);
-    if (replay.all.scored > 0) {
-      page += figure(time_figure(replay));
-      page += figure(distribution_figure(replay));
-    }
-    if (replay.dim == 3) page += figure(height_figure(replay));
-    if (!worst_first.empty()) {
-      page += figure(residual_figure(replay, worst_first));
-      std::string verdict;
-      for (const std::string& sentence : diagnose(replay, worst_first)) {
-        verdict += fmt::format("<p class=\"{}\">{}</p>", verdict.empty() ? "verdict" : "",
-                               escaped(sentence));
-      }
-      page += card("Which anchor is the worst, and why", verdict + anchor_table(worst_first));
-    }
-    page += card("Tags", tag_table(replay), true);
+  if (replay.all.epochs > 0) {
+    page += numbers(replay);
+  } else if (recording.ranging && !recording.ranging->scored.empty()) {
+    page += range_numbers(*recording.ranging);
   }
+  page += "<div class=\"grid\">\n";
+  if (solved) page += findings(recording, replay);
   if (recording.ranging && !recording.ranging->scored.empty()) {
     page += range_section(*recording.ranging);
   }

@@ -17,7 +17,7 @@ namespace uwbpos::host {
 [[nodiscard]] std::string report_html(const Settings& settings, const Recording& recording,
                                       const Replay& replay, const std::vector<std::string>& said);
 
-/// Text with the characters escaped that HTML reserves.
+/// Text with the characters escaped that HTML reserves; what stands between backticks is code.
 [[nodiscard]] std::string escaped(std::string_view text);
 
 }  // namespace uwbpos::host

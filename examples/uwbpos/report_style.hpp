@@ -48,6 +48,8 @@ p { margin: 0 0 8px; }
 .grid { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 16px; }
 .card { padding: 16px; margin: 0; min-width: 0; }
 .wide { grid-column: 1 / -1; }
+.column { display: flex; flex-direction: column; gap: 16px; min-width: 0; }
+code { font-size: 0.92em; background: var(--page); border-radius: 4px; padding: 1px 4px; }
 figure svg { display: block; width: 100%; height: auto; }
 figcaption { color: var(--muted); font-size: 0.86rem; margin-top: 6px; }
 .scroll { overflow-x: auto; }
@@ -65,10 +67,15 @@ li { overflow-wrap: anywhere; }
 footer { color: var(--muted); font-size: 0.86rem; margin-top: 20px; }
 @media (max-width: 720px) {
   main { padding: 16px 12px 32px; }
-  .grid { grid-template-columns: minmax(0, 1fr); gap: 12px; }
+  .grid { display: flex; flex-direction: column; gap: 12px; }
+  .column { display: contents; }
+  .later { order: 1; }
   .numbers { grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 8px; }
   .card { padding: 12px; }
   h1 { font-size: 1.3rem; }
+  table { font-size: 0.8rem; }
+  th { font-size: 0.75rem; }
+  th, td { padding-right: 6px; }
 }
 @media print {
   :root {
@@ -85,6 +92,7 @@ footer { color: var(--muted); font-size: 0.86rem; margin-top: 20px; }
   main { max-width: none; padding: 0; }
   .grid { grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 10px; }
   .numbers { grid-template-columns: repeat(4, minmax(0, 1fr)); gap: 8px; }
+  .column { gap: 10px; }
   .card, .number { break-inside: avoid; }
   .card { padding: 10px; }
   .number { padding: 8px 10px; }
