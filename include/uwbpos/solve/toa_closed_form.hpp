@@ -29,12 +29,16 @@ template <RangeSet R>
   const S slack = roots->rounding() + S(5) * std::sqrt(roots->square_variance);
   if (roots->flat() && roots->square < -slack) return std::unexpected(Error::InconsistentRanges);
   const Vec<S, D> foot = roots->center + roots->foot;
-  if (roots->square <= roots->rounding()) return Mirror<S, D>{foot, foot};
+  if (roots->square <= roots->rounding()) {
+    const Vec<S, D> only = roots->flat() ? foot : Vec<S, D>{roots->center + likely_root(*roots)};
+    return Mirror<S, D>{only, only};
+  }
 
   const Vec<S, D> root = std::sqrt(roots->square) * roots->direction;
-  Mirror<S, D> images{foot + root, foot - root};
-  if (roots->flat()) return images;
-  if (roots->linear < S(0)) std::swap(images.first, images.second);
+  if (roots->flat()) return Mirror<S, D>{foot + root, foot - root};
+
+  Mirror<S, D> images{roots->center + likely_root(*roots),
+                      roots->linear < S(0) ? Vec<S, D>{foot + root} : Vec<S, D>{foot - root}};
   S better = chi_squared<S, D>(span, images.first);
   S worse = chi_squared<S, D>(span, images.second);
   if (worse < better) {

@@ -105,7 +105,9 @@ template <class S, int D>
     still = still || squared_norm(step) <= rounding * rounding;
     const Vec<S, D> trial = position + step;
     const RangeNormal<S, D> next = range_normal(ranges, center, trial, prior);
-    if (next.chi_squared <= normal.chi_squared + trace * rounding * rounding) {
+    // No worse than what rounding of every residual may add to χ².
+    const S worst = std::sqrt(normal.chi_squared) + std::sqrt(trace) * rounding;
+    if (next.chi_squared <= worst * worst) {
       position = trial;
       normal = next;
       damping = damping > S(4) * kLeastDamping ? damping / S(4) : S(0);
@@ -117,20 +119,6 @@ template <class S, int D>
     if (!(damping < S(1e6))) break;
   }
   return std::unexpected(Error::NotConverged);
-}
-
-/// A starting point between what the linear system and the roots say about τ, by their weights.
-template <class S, int D>
-[[nodiscard]] Vec<S, D> likely_root(const ToaRoots<S, D>& roots) {
-  const S square = std::max(roots.square, S(0));
-  const S root = std::sqrt(square);
-  const S information = S(4) * square / roots.square_variance;
-  const S total = information + roots.linear_information;
-  if (!(total > S(0))) return roots.foot;
-  const S signed_root = roots.linear < S(0) ? -root : root;
-  return roots.foot +
-         roots.direction *
-             ((information * signed_root + roots.linear_information * roots.linear) / total);
 }
 
 /// Position [m] from n ≥ D ranges, in the anchors' frame, at the minimum of χ² whose basin holds

@@ -30,7 +30,7 @@ struct ToaRoots {
 
   /// What `square` may be off by from rounding alone [m²].
   [[nodiscard]] S rounding() const {
-    return S(64) * std::numeric_limits<S>::epsilon() * largest * largest;
+    return S(8) * std::numeric_limits<S>::epsilon() * largest * largest;
   }
   /// True when the anchors lie in one plane (3-D) or line (2-D) to working precision.
   [[nodiscard]] bool flat() const { return !(linear_information > S(0)); }
@@ -117,6 +117,21 @@ template <class S, int D>
     return std::unexpected(Error::NumericOverflow);
   }
   return roots;
+}
+
+/// The point between what the linear system and the nearer root say about τ, by their weights,
+/// relative to `center`; for flat anchors the root along +v.
+template <class S, int D>
+[[nodiscard]] Vec<S, D> likely_root(const ToaRoots<S, D>& roots) {
+  const S square = std::max(roots.square, S(0));
+  const S root = std::sqrt(square);
+  const S information = S(4) * square / roots.square_variance;
+  const S total = information + roots.linear_information;
+  if (!(total > S(0))) return roots.foot;
+  const S signed_root = roots.linear < S(0) ? -root : root;
+  return roots.foot +
+         roots.direction *
+             ((information * signed_root + roots.linear_information * roots.linear) / total);
 }
 
 }  // namespace uwbpos

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: MIT
+#include <cstdlib>
+#include <new>
+
+#include <doctest/doctest.h>
+
+#include "uwbpos/accuracy/dop.hpp"
+#include "uwbpos/solve/locate.hpp"
+#include "uwbpos/solve/toa_chan.hpp"
+#include "uwbpos/solve/toa_linear.hpp"
+
+#include "solve/rooms.hpp"
+
+namespace {
+
+std::size_t allocations = 0;
+
+void* counted(std::size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size > 0 ? size : 1)) return memory;
+  std::abort();
+}
+
+}  // namespace
+
+// Replaced for the whole binary; they count and otherwise do what the library's do.
+void* operator new(std::size_t size) { return counted(size); }
+void* operator new[](std::size_t size) { return counted(size); }
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete[](void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }
+
+using namespace uwbpos;
+
+TEST_CASE_TEMPLATE("no solver and no bound touches the heap", S, float, double) {
+  sim::Random random{"no heap"};
+  const auto room = test::random_room<S, 3>(random, 8, 8);
+  const auto hall = test::random_room<S, 3>(random, 8, 8, true);
+  const auto plane = test::random_room<S, 2>(random, 5, 5);
+  std::vector<Vec<S, 3>> anchors;
+  for (const auto& r : room.ranges) anchors.push_back(r.anchor);
+
+  const std::size_t before = allocations;
+  int solved = 0;
+  solved += locate(room.ranges) ? 1 : 0;
+  solved += locate(hall.ranges, {.side = {0, 0, -1}}) ? 1 : 0;
+  solved += locate(plane.ranges) ? 1 : 0;
+  solved += toa_linear(room.ranges) ? 1 : 0;
+  solved += toa_chan(room.ranges) ? 1 : 0;
+  solved += toa_closed_form(room.ranges) ? 1 : 0;
+  solved += toa_least_squares(room.ranges) ? 1 : 0;
+  solved += range_dop(anchors, room.tag) ? 1 : 0;
+  solved += cramer_rao_bound(room.ranges, room.tag) ? 1 : 0;
+  const std::size_t after = allocations;
+  CHECK(solved == 9);
+  CHECK(after == before);
+
+  // The count does count.
+  const auto* probe = new int{solved};
+  CHECK(allocations == after + 1);
+  delete probe;
+}

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: MIT
+#include <doctest/doctest.h>
+
+#include "uwbpos/solve/toa_least_squares.hpp"
+
+#include "solve/solver_laws.hpp"
+
+using namespace uwbpos;
+
+namespace {
+
+const auto solve = [](const auto& ranges) { return toa_least_squares(ranges); };
+
+template <class S, int D>
+void check_exactness() {
+  sim::Random random{"least squares is exact"};
+  for (int trial = 0; trial < 5000; ++trial) {
+    const auto room = test::random_room<S, D>(random, D + 2, 10);
+    const auto fix = toa_least_squares(room.ranges);
+    REQUIRE(fix);
+    CHECK(static_cast<double>((fix->position - room.tag).norm()) < test::exactness<S>());
+  }
+}
+
+template <class S, int D>
+void check_start() {
+  sim::Random random{"least squares from a start"};
+  for (int trial = 0; trial < 1000; ++trial) {
+    const auto room = test::random_room<S, D>(random, D, 10, D == 3);
+    LeastSquaresOptions<S, D> options;
+    // Within 20 cm, below the ceiling by as much: the basin is the tag's own.
+    options.initial = Vec<S, D>{room.tag + S(0.1) * test::random_direction<S, D>(random)};
+    const auto fix = toa_least_squares(room.ranges, options);
+    REQUIRE(fix);
+    // The last step is below 1e-4 sigma, 0.2 mm at GDOP 20, and what it leaves is its square.
+    CHECK(static_cast<double>((fix->position - room.tag).norm()) < test::exactness<S>() + 1e-6);
+  }
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("least squares: exact ranges give the exact position", S, float, double) {
+  check_exactness<S, 2>();
+  check_exactness<S, 3>();
+}
+
+TEST_CASE_TEMPLATE("least squares: from a start nearby, flat or few anchors will do", S, float,
+                   double) {
+  check_start<S, 2>();
+  check_start<S, 3>();
+}
+
+TEST_CASE_TEMPLATE("least squares: the answer moves with the scene", S, float, double) {
+  test::check_equivariance<S, 2>(solve, 1e-3);
+  test::check_equivariance<S, 3>(solve, 1e-3);
+}
+
+TEST_CASE_TEMPLATE("least squares: the covariance predicts the errors", S, float, double) {
+  test::check_consistency<S, 2>(solve, test::four_corners<S>(), Vec<S, 2>{3, 2}, 0.999);
+}
+
+TEST_CASE_TEMPLATE("least squares: unequal sigmas weigh as they should", S, float, double) {
+  // Two ranges of 1 mm pin the tag; two of 1 m, wrong by 0.5 m, must not move it.
+  auto ranges = test::ranges_between<S, 2>({4, 3}, test::four_corners<S>(), S(1e-3));
+  ranges[2].sigma = ranges[3].sigma = 1;
+  ranges[2].range += S(0.5);
+  ranges[3].range -= S(0.5);
+  const auto fix = toa_least_squares(ranges);
+  REQUIRE(fix);
+  // The pull of a weight of 1e-6 on half a metre is a micrometre.
+  CHECK((fix->position - Vec<S, 2>{4, 3}).norm() < S(2e-5));
+  CHECK(fix->chi_squared == doctest::Approx(0.5).epsilon(0.01));
+  CHECK(fix->degrees_of_freedom == 2);
+}
+
+TEST_CASE_TEMPLATE("least squares: what it cannot solve is refused by name", S, float, double) {
+  test::check_refusals<S, 2>(solve);
+  test::check_refusals<S, 3>(solve);
+  sim::Random random{"least squares flat"};
+  const auto ceiling = test::random_room<S, 3>(random, 6, 6, true);
+  CHECK(toa_least_squares(ceiling.ranges).error() == Error::AmbiguousSolution);
+
+  const auto ranges = test::ranges_between<S, 2>({4, 3}, test::four_corners<S>());
+  LeastSquaresOptions<S, 2> options;
+  options.max_iterations = 0;
+  CHECK(toa_least_squares(ranges, options).error() == Error::InvalidOption);
+  options.max_iterations = 1;
+  options.initial = Vec<S, 2>{40, -30};
+  CHECK(toa_least_squares(ranges, options).error() == Error::NotConverged);
+  options.max_iterations = 30;
+  CHECK(toa_least_squares(ranges, options));
+  options.initial = Vec<S, 2>{std::numeric_limits<S>::infinity(), 0};
+  CHECK(toa_least_squares(ranges, options).error() == Error::NotFinite);
+}
+
+TEST_CASE_TEMPLATE("least squares: a start on an anchor or in a row is no end", S, float, double) {
+  const auto ranges = test::ranges_between<S, 2>({4, 3}, test::four_corners<S>());
+  for (const auto& r : ranges) {
+    LeastSquaresOptions<S, 2> options;
+    options.initial = r.anchor;
+    const auto fix = toa_least_squares(ranges, options);
+    REQUIRE(fix);
+    CHECK((fix->position - Vec<S, 2>{4, 3}).norm() < S(1e-4));
+  }
+}
