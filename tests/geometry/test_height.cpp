@@ -57,10 +57,12 @@ TEST_CASE_TEMPLATE("Pythagoras holds to rounding from under the anchor to far aw
     const S slant = h * (1 + static_cast<S>(random.exponential(1)));
     const auto ground = horizontal_range(Measured<S>{slant, S(0)}, h, S(0));
     REQUIRE(ground);
-    const long double wanted =
-        std::sqrt(static_cast<long double>(slant - h) * (static_cast<long double>(slant) + h));
+    const auto exact_slant = static_cast<long double>(slant);
+    const auto exact_h = static_cast<long double>(h);
+    const long double wanted = std::sqrt((exact_slant - exact_h) * (exact_slant + exact_h));
     // Six roundings of half an ulp, those under the root halved.
-    CHECK(std::abs(ground->value - wanted) <= 3 * std::numeric_limits<S>::epsilon() * wanted);
+    const long double ulp = wanted * static_cast<long double>(std::numeric_limits<S>::epsilon());
+    CHECK(std::abs(static_cast<long double>(ground->value) - wanted) <= 3 * ulp);
   }
 }
 

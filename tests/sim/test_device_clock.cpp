@@ -40,15 +40,15 @@ TEST_CASE("A clock reads offset plus (1 + rate) times the time passed") {
     const Instant instant{clock.at.seconds + seconds, fraction};
     const Reading reading = read(clock, instant);
     // Equation (1) with the whole ticks set apart, in 64 bits of significand.
-    const long double passed = static_cast<long double>(seconds) +
-                               (static_cast<long double>(fraction) - clock.at.fraction);
-    const long double beyond =
-        static_cast<long double>(clock.reading.fraction) +
-        (static_cast<long double>(fraction) - clock.at.fraction) * kTicksPerSecond +
-        static_cast<long double>(clock.rate) * passed * kTicksPerSecond;
+    using Exact = long double;
+    const Exact part = static_cast<Exact>(fraction) - static_cast<Exact>(clock.at.fraction);
+    const Exact passed = static_cast<Exact>(seconds) + part;
+    const Exact beyond =
+        static_cast<Exact>(clock.reading.fraction) +
+        (part + static_cast<Exact>(clock.rate) * passed) * static_cast<Exact>(kTicksPerSecond);
     const std::int64_t whole = clock.reading.ticks + seconds * kTicksPerSecond;
-    const long double error =
-        static_cast<long double>(reading.ticks - whole) + reading.fraction - beyond;
+    const Exact error =
+        static_cast<Exact>(reading.ticks - whole) + static_cast<Exact>(reading.fraction) - beyond;
     CHECK(std::abs(static_cast<double>(error)) * kTickPicoseconds < 0.001);
     CHECK(reading.fraction >= 0);
     CHECK(reading.fraction < 1);

@@ -330,7 +330,6 @@ TEST_CASE("A moving tag is ranged where it is during the exchange, not where it 
 
 TEST_CASE("Propagation is solved to the receiver's place at reception") {
   // A tag that flies at 1 km/s towards the anchor's response: 100 m take 334 ns, 0.3 mm of flight.
-  Random random{"fast receiver"};
   const Instant start{5, 0.25};
   const Motion sender{.position = {0, 0, 0}};
   const Motion receiver{.position = {100, 0, 0}, .velocity = {-1000, 0, 0}};

@@ -24,14 +24,14 @@ struct Instant {
   /// the resolution of the sum's fraction and of `duration` itself.
   friend constexpr Instant operator+(Instant instant, double duration) {
     const auto whole = static_cast<std::int64_t>(duration);
-    const double fraction = instant.fraction + (duration - static_cast<double>(whole));
-    if (fraction < 0) {
-      const double raised = fraction + 1;
+    const double sum = instant.fraction + (duration - static_cast<double>(whole));
+    if (sum < 0) {
+      const double raised = sum + 1;
       return raised < 1 ? Instant{instant.seconds + whole - 1, raised}
                         : Instant{instant.seconds + whole, 0.0};
     }
-    if (fraction >= 1) return {instant.seconds + whole + 1, fraction - 1};
-    return {instant.seconds + whole, fraction};
+    if (sum >= 1) return {instant.seconds + whole + 1, sum - 1};
+    return {instant.seconds + whole, sum};
   }
 
   /// Seconds from `earlier` to `later`; relative error 2e-16 of the result.

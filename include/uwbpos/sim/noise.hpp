@@ -8,6 +8,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <string_view>
 
 namespace uwbpos::sim {
@@ -112,7 +113,7 @@ class Random {
     const double z2 = z * z;
     double sum = 0;
     for (int k = 21; k >= 1; k -= 2) sum = sum * z2 + 1.0 / k;
-    return exponent * 0.69314718055994531 + 2 * z * sum;
+    return exponent * std::numbers::ln2 + 2 * z * sum;
   }
 
   std::uint64_t state_[4] = {};

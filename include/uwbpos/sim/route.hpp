@@ -101,7 +101,8 @@ inline Corner corner(const Route& route, int i) {
   const Vec<double, 3> after = leg(route, i);
   const double length_before = before.norm();
   const double length_after = after.norm();
-  if (!(length_before > 0 && length_after > 0)) return {};
+  const bool both = length_before > 0 && length_after > 0;
+  if (!both) return {};
   const Vec<double, 3> u = before / length_before;
   const Vec<double, 3> v = after / length_after;
   const double cosine = u.dot(v);

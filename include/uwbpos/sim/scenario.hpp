@@ -52,7 +52,7 @@ struct Tag {
 /// Everything that a run is made of. A plain struct of fixed size.
 struct Scenario {
   Anchors<double, 3> anchors{};
-  Path path{};
+  Path path = Route{};
   /// The first `tag_count` of `tags`; one tag of id 0 in the body's centre unless told.
   std::array<Tag, kMaxTags> tags{};
   int tag_count = 1;
