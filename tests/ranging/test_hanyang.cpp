@@ -66,8 +66,7 @@ std::vector<Row> read(const std::filesystem::path& file) {
     rows.push_back({real("t_s"), ticks("poll_tx"), ticks("poll_rx"), ticks("resp_tx"),
                     ticks("resp_rx"), real("true_range_m"), real("logged_range_m")});
   }
-  std::stable_sort(rows.begin(), rows.end(),
-                   [](const Row& a, const Row& b) { return a.time < b.time; });
+  std::sort(rows.begin(), rows.end(), [](const Row& a, const Row& b) { return a.time < b.time; });
   return rows;
 }
 

@@ -24,8 +24,6 @@
 /// each in 63 bits, and their sum is checked. Only then are numerator and denominator rounded:
 /// float stays within 5e-7 of double, 0.1 mm at 200 m, at any reply time.
 
-#include <algorithm>
-
 #include "uwbpos/ranging/twr_common.hpp"
 
 namespace uwbpos {
@@ -59,43 +57,50 @@ inline Result<DsTwrIntervals> ds_twr_intervals(const DsTwrStamps& t) {
   return d;
 }
 
-/// What both methods refuse alike; afterwards x and y fit 26 bits and a sign.
+/// x, y and the replies and the sum of all intervals, in ticks.
 template <class S>
-Result<void> ds_twr_plausible(const DsTwrIntervals& d, const TwrOptions<S>& options) {
+struct DsTwrTerms {
+  S x, y, reply_a, reply_b, sum;
+};
+
+/// What both methods refuse alike; afterwards |x|, |y| < 2^25.
+template <class S>
+Result<DsTwrTerms<S>> ds_twr_terms(const DsTwrIntervals& d, const TwrOptions<S>& options) {
   constexpr std::int64_t limit = std::int64_t{1} << 25;
   const std::int64_t x = d.round_a - d.reply_b;
   const std::int64_t y = d.round_b - d.reply_a;
-  const auto bounded = [=](std::int64_t value) {
-    return static_cast<S>(static_cast<std::int32_t>(std::clamp(value, -limit, limit)));
+  const auto small = [=](std::int64_t v) {
+    return static_cast<std::uint64_t>(v + limit - 1) < static_cast<std::uint64_t>(2 * limit - 1);
   };
-  const S bounded_x = bounded(x);
-  const S bounded_y = bounded(y);
+  const bool exact = small(x) && small(y);
+  // A 32-bit conversion is one instruction.
+  const auto scalar = [=](std::int64_t v) {
+    return exact ? static_cast<S>(static_cast<std::int32_t>(v)) : static_cast<S>(v);
+  };
+  const DsTwrTerms<S> t{scalar(x), scalar(y), scalar_ticks<S>(d.reply_a),
+                        scalar_ticks<S>(d.reply_b),
+                        scalar_ticks<S>(d.round_a + d.round_b + d.reply_a + d.reply_b)};
   const S margin = twr_margin_ticks(options);
   const S bound = options.max_clock_offset;
-  const S reply_a = scalar_ticks<S>(d.reply_a);
-  const S reply_b = scalar_ticks<S>(d.reply_b);
-  const S span = scalar_ticks<S>(d.round_a + d.reply_a);
-  if (std::abs(bounded_y - bounded_x) > bound * span + margin) {
+  if (std::abs(t.y - t.x) > bound * t.sum / 2 + margin) {
     return std::unexpected(Error::ClockOffsetOutOfBounds);
   }
-  if (bounded_x < -(bound * reply_b + margin) || bounded_y < -(bound * reply_a + margin)) {
+  if (t.x < -(bound * t.reply_b + margin) || t.y < -(bound * t.reply_a + margin)) {
     return std::unexpected(Error::ReplyExceedsRoundTrip);
   }
-  if (x >= limit || x <= -limit || y >= limit || y <= -limit) {
-    return std::unexpected(Error::IntervalTooLong);
-  }
-  return {};
+  if (!exact) return std::unexpected(Error::IntervalTooLong);
+  return t;
 }
 
 }  // namespace detail
 
 /// Range [m] by equation (1) and its variance [m²] by (3), from one exchange whose replies may be
 /// of any length. Unbiased near zero: noise may make it slightly negative, it is not clamped.
-/// `clock_offset` and `sigma_clock_offset` are not used. O(1), never allocates.
+/// `clock_offset` and `sigma_clock_offset` are not looked at. O(1), never allocates.
 ///
 /// Errors, in the order they are looked for:
 /// - NotFinite, NonPositiveSigma, InvalidOption: an option is NaN or infinite, `sigma_timestamp` is
-///   not positive, another option lies outside its domain.
+///   not positive, another lies outside its domain.
 /// - NonPositiveInterval: a frame was answered or received no later than it was sent, or so much
 ///   later (8.6 s) that it looks so.
 /// - IntervalTooLong: an interval of 2^38 ticks (4.3 s) or more, or round trip and reply differ by
@@ -113,20 +118,19 @@ template <class S>
   }
   const auto d = detail::ds_twr_intervals(stamps);
   if (!d) return std::unexpected(d.error());
-  if (const auto ok = detail::ds_twr_plausible(*d, options); !ok) {
-    return std::unexpected(ok.error());
-  }
+  const auto t = detail::ds_twr_terms(*d, options);
+  if (!t) return std::unexpected(t.error());
   const std::int64_t first = (d->round_a - d->reply_b) * d->round_b;
   const std::int64_t second = (d->round_b - d->reply_a) * d->reply_b;
   std::int64_t numerator = 0;
   if (__builtin_add_overflow(first, second, &numerator)) {
     return std::unexpected(Error::IntervalTooLong);
   }
-  const S denominator = detail::scalar_ticks<S>(d->round_a + d->round_b + d->reply_a + d->reply_b);
-  const S f = detail::scalar_ticks<S>(d->reply_a + d->round_b) / denominator;
+  // Da + Rb = 2·Da + y.
+  const S f = (2 * t->reply_a + t->y) / t->sum;
   const S variance =
       options.sigma_timestamp * options.sigma_timestamp * (1 + f * f + (1 - f) * (1 - f)) / 4;
-  return detail::twr_finish(detail::scalar_ticks<S>(numerator) / denominator, variance, options);
+  return detail::twr_finish(detail::scalar_ticks<S>(numerator) / t->sum, variance, options);
 }
 
 /// Range [m] by equation (2), the paper's improved TWR, and its variance [m²]: for replies of equal
@@ -139,12 +143,12 @@ template <class S>
   }
   const auto d = detail::ds_twr_intervals(stamps);
   if (!d) return std::unexpected(d.error());
-  if (const auto ok = detail::ds_twr_plausible(*d, options); !ok) {
-    return std::unexpected(ok.error());
-  }
-  const std::int64_t sum = (d->round_a - d->reply_b) + (d->round_b - d->reply_a);
+  const auto t = detail::ds_twr_terms(*d, options);
+  if (!t) return std::unexpected(t.error());
+  // An integer, of 26 bits: x and y may have opposite ones of 25.
+  const auto sum = static_cast<std::int32_t>((d->round_a - d->reply_b) + (d->round_b - d->reply_a));
   const S variance = 3 * options.sigma_timestamp * options.sigma_timestamp / 8;
-  return detail::twr_finish(static_cast<S>(static_cast<std::int32_t>(sum)) / 4, variance, options);
+  return detail::twr_finish(static_cast<S>(sum) / 4, variance, options);
 }
 
 /// The responder's rate against the initiator's, δ ≈ eB − eA, by equation (4); its standard

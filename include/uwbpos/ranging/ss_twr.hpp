@@ -76,7 +76,13 @@ template <class S>
   if (!detail::twr_options_valid(options)) {
     return std::unexpected(detail::twr_options_error(options));
   }
-  if (!(std::abs(options.clock_offset) <= options.max_clock_offset)) {
+  if (!std::isfinite(options.clock_offset) || !std::isfinite(options.sigma_clock_offset)) {
+    return std::unexpected(Error::NotFinite);
+  }
+  if (!(options.sigma_clock_offset >= 0 && options.sigma_clock_offset <= S(0.01))) {
+    return std::unexpected(Error::InvalidOption);
+  }
+  if (std::abs(options.clock_offset) > options.max_clock_offset) {
     return std::unexpected(Error::ClockOffsetOutOfBounds);
   }
   const std::int64_t round_a = stamps.resp_rx - stamps.poll_tx;
