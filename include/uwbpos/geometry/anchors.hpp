@@ -14,11 +14,11 @@
 
 namespace uwbpos {
 
-/// An anchor: its id and its position [m] in the site's frame.
+/// A surveyed anchor.
 template <class S, int D>
 struct Anchor {
-  std::uint32_t id;
-  Vec<S, D> position;
+  std::uint32_t id;    ///< what logs call it
+  Vec<S, D> position;  ///< [m] in the site's frame
 };
 
 /// Up to `Capacity` anchors in D dimensions, kept in ascending order of id, so that whatever is
@@ -29,6 +29,7 @@ class Anchors {
   static_assert(Capacity > 0, "room for one anchor at least");
 
  public:
+  /// The most anchors that fit.
   static constexpr int kCapacity = Capacity;
 
   /// Adds an anchor; O(n). On an error nothing changes.
@@ -53,14 +54,17 @@ class Anchors {
     return place->position;
   }
 
+  /// Whether an anchor has this id; O(log n).
   [[nodiscard]] bool contains(std::uint32_t id) const { return find(id).has_value(); }
 
   /// How many anchors there are.
   [[nodiscard]] int size() const { return size_; }
+  /// Whether there are none.
   [[nodiscard]] bool empty() const { return size_ == 0; }
 
   /// The anchors in ascending order of id, one contiguous range. Valid until the next `add`.
   [[nodiscard]] const Anchor<S, D>* begin() const { return entries_.data(); }
+  /// One past the last of them.
   [[nodiscard]] const Anchor<S, D>* end() const { return entries_.data() + size_; }
 
   /// The anchor at a place in that order, 0 ≤ index < size().

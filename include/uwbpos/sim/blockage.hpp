@@ -22,21 +22,18 @@ namespace uwbpos::sim {
 
 /// How links are blocked. The defaults block none.
 struct Blockage {
-  /// Share of the time that a link is blocked, 0 … 1.
-  double probability = 0;
-  /// Mean duration of a blockage [s]; zero draws anew for every exchange.
-  double mean_duration = 0;
-  /// Excess path while blocked: `minimum_excess` plus an exponential of mean `mean_excess` [m].
-  double minimum_excess = 0;
-  double mean_excess = 0.5;
+  double probability = 0;     ///< share of the time that a link is blocked, 0 … 1
+  double mean_duration = 0;   ///< of a blockage [s]; zero draws anew for every exchange
+  double minimum_excess = 0;  ///< least excess path while blocked [m]
+  double mean_excess = 0.5;   ///< mean of the exponential on top of it [m]
 };
 
 /// The state of one link.
 struct Link {
-  bool known = false;
-  bool blocked = false;
-  double excess = 0;
-  Instant at{};
+  bool known = false;    ///< whether it has been looked at
+  bool blocked = false;  ///< whether it was blocked then
+  double excess = 0;     ///< its excess path [m], zero when clear
+  Instant at{};          ///< when that was
 };
 
 /// The link at a later instant by (1); `link.excess` is its excess path [m], zero when clear.
@@ -56,12 +53,11 @@ struct Link {
   return {true, blocked, excess, instant};
 }
 
-/// A vertical wall from floor to ceiling over a segment of the plan [m]; a path through it is
-/// `excess` metres longer to the radio.
+/// A vertical wall from floor to ceiling over a segment of the plan.
 struct Wall {
-  Vec<double, 2> from = Vec<double, 2>::Zero();
-  Vec<double, 2> to = Vec<double, 2>::Zero();
-  double excess = 0.3;
+  Vec<double, 2> from = Vec<double, 2>::Zero();  ///< one end [m]
+  Vec<double, 2> to = Vec<double, 2>::Zero();    ///< the other [m]
+  double excess = 0.3;  ///< how much longer a path through it is to the radio [m]
 };
 
 /// Whether the straight line between two points passes through a wall. Of two walls that share

@@ -27,19 +27,18 @@ namespace uwbpos::sim {
 /// Ticks of a perfect DW1000/DW3000 counter in a second.
 inline constexpr std::int64_t kTicksPerSecond = 63'897'600'000;
 
-/// A count that does not wrap: whole `ticks` and a `fraction` of one, 0 ≤ fraction < 1.
+/// A count that does not wrap.
 struct Reading {
-  std::int64_t ticks = 0;
-  double fraction = 0;
+  std::int64_t ticks = 0;  ///< whole ticks
+  double fraction = 0;     ///< of a tick, 0 ≤ fraction < 1
 };
 
-/// A device's clock: it showed `reading` at the instant `at` and runs at 1 + `rate` times the
-/// true rate; `rate_walk` is the q of (2) [1/√s].
+/// A device's clock: it showed `reading` at the instant `at`.
 struct DeviceClock {
-  double rate = 0;
-  double rate_walk = 0;
-  Reading reading{};
-  Instant at{};
+  double rate = 0;       ///< it runs at 1 + rate times the true rate
+  double rate_walk = 0;  ///< the q of (2) [1/√s]
+  Reading reading{};     ///< what it showed
+  Instant at{};          ///< when
 };
 
 /// `reading` moved on by some ticks, not necessarily whole.

@@ -29,27 +29,23 @@
 
 namespace uwbpos::sim {
 
-/// An antenna on its way: `position` [m] at the start of the exchange, `velocity` [m/s].
+/// An antenna on its way.
 struct Motion {
-  Vec<double, 3> position = Vec<double, 3>::Zero();
-  Vec<double, 3> velocity = Vec<double, 3>::Zero();
+  Vec<double, 3> position = Vec<double, 3>::Zero();  ///< at the start of the exchange [m]
+  Vec<double, 3> velocity = Vec<double, 3>::Zero();  ///< [m/s]
 };
 
 /// What came of an exchange.
 struct Exchange {
-  /// All stamps; those after a lost frame are zero.
-  DsTwrStamps stamps{};
+  DsTwrStamps stamps{};  ///< all stamps; those after a lost frame are zero
   /// How many frames arrived before one was lost, 0 … 3: two make a single-sided exchange.
   int frames = 0;
-  /// When the poll was sent.
-  Instant time{};
+  Instant time{};  ///< when the poll was sent
   /// True distance between the antennas [m] of the poll, the response and the final.
   std::array<double, 3> distance{};
-  /// Excess path of all three frames [m].
-  double excess = 0;
-  /// True rate errors of the clocks.
-  double initiator_rate = 0;
-  double responder_rate = 0;
+  double excess = 0;          ///< excess path of all three frames [m]
+  double initiator_rate = 0;  ///< true rate error of the initiator's clock
+  double responder_rate = 0;  ///< true rate error of the responder's clock
   /// What the initiator reads off the response's carrier: `clock_offset` plus noise.
   double measured_clock_offset = 0;
 };

@@ -27,13 +27,13 @@ enum class Placement : std::uint8_t {
   Grid,
 };
 
-/// A hall over [0, width] × [0, depth] [m]. Anchors hang at `height`, every second one at
+/// A hall over [0, width] × [0, depth]. Anchors hang at `height`, every second one at
 /// `second_height`: let them differ where heights are to be solved for.
 struct Hall {
-  double width = 30;
-  double depth = 20;
-  double height = 3;
-  double second_height = height;
+  double width = 30;              ///< along x [m]
+  double depth = 20;              ///< along y [m]
+  double height = 3;              ///< of the first, third, … anchor [m]
+  double second_height = height;  ///< of the second, fourth, … anchor [m]
 };
 
 namespace detail {

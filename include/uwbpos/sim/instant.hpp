@@ -12,12 +12,12 @@
 
 namespace uwbpos::sim {
 
-/// A point on the axis of true time: `seconds` + `fraction`, 0 ≤ fraction < 1 [s]. Resolution
-/// 1.1e-16 s.
+/// A point on the axis of true time, `seconds` + `fraction`. Resolution 1.1e-16 s.
 struct Instant {
-  std::int64_t seconds = 0;
-  double fraction = 0;
+  std::int64_t seconds = 0;  ///< whole seconds
+  double fraction = 0;       ///< 0 ≤ fraction < 1 [s]
 
+  /// Same instant.
   friend constexpr bool operator==(const Instant&, const Instant&) = default;
 
   /// The instant `duration` seconds later (earlier when negative; |duration| < 2^62), exact to

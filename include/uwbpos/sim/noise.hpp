@@ -16,6 +16,7 @@ namespace uwbpos::sim {
 /// A stream of random numbers. 48 bytes, no allocation, no global state.
 class Random {
  public:
+  /// Seeded from a number.
   constexpr explicit Random(std::uint64_t seed) {
     for (auto& word : state_) word = split_mix(seed);
   }

@@ -24,20 +24,19 @@
 
 namespace uwbpos::sim {
 
-/// A circle in plan, counter-clockwise from its +x side, `laps` times. Looks along the circle.
+/// A circle in plan, counter-clockwise from its +x side. Looks along the circle.
 struct Circle {
-  Vec<double, 3> centre = Vec<double, 3>::Zero();
-  double radius = 1;
-  double speed = 1;
-  double laps = 1;
+  Vec<double, 3> centre = Vec<double, 3>::Zero();  ///< [m]
+  double radius = 1;                               ///< [m]
+  double speed = 1;                                ///< [m/s]
+  double laps = 1;                                 ///< not necessarily whole
 };
 
-/// Standing still at one place after another, `dwell` seconds each, without travel between;
-/// looks along +x.
+/// Standing still at one place after another, without travel between; looks along +x.
 struct Stops {
-  std::array<Vec<double, 3>, kMaxWaypoints> places{};
-  int size = 0;
-  double dwell = 1;
+  std::array<Vec<double, 3>, kMaxWaypoints> places{};  ///< [m]; the first `size` count
+  int size = 0;                                        ///< 0 … kMaxWaypoints
+  double dwell = 1;                                    ///< time at each [s]
 };
 
 /// Any of the paths.

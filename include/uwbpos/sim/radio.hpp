@@ -24,17 +24,19 @@ struct Radio {
   double sigma_rx = 0;
   /// Standard deviation of when a frame really leaves, about its timestamp [s].
   double sigma_tx = 0;
-  /// The responder's reply time Db and the initiator's Da [s], by their own clocks, and how far
-  /// each strays, uniform in ± this [s].
+  /// The responder's reply time Db [s], by its own clock.
   double reply = 0;
+  /// The initiator's reply time Da [s], by its own clock.
   double final_reply = 0;
+  /// How far each strays, uniform in ± this [s].
   double reply_jitter = 0;
   /// Transmissions start on multiples of this many ticks, a power of two (512 on a DW1000).
   std::int64_t tx_grid = 1;
   /// Probability that a frame is lost.
   double loss = 0;
-  /// Transmit plus receive antenna delay that calibration left in a device [s]: mean, spread.
+  /// Transmit plus receive antenna delay that calibration left in a device [s], its mean.
   double antenna_delay = 0;
+  /// Its standard deviation from device to device [s].
   double antenna_delay_spread = 0;
   /// Standard deviation of the clock offset that a receiver reads off the carrier (fraction).
   double sigma_clock_offset = 0;
@@ -82,11 +84,10 @@ struct Radio {
           .sigma_clock_offset = 0.1e-6};
 }
 
-/// One radio: its clock and its total (transmit plus receive) antenna delay [s], half of which
-/// counts each way.
+/// One radio.
 struct Device {
-  DeviceClock clock{};
-  double antenna_delay = 0;
+  DeviceClock clock{};       ///< its own
+  double antenna_delay = 0;  ///< transmit plus receive [s], half of which counts each way
 };
 
 /// A device of that make, switched on at some time before `start`: its counter stands anywhere

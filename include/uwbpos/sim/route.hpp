@@ -28,13 +28,13 @@ namespace uwbpos::sim {
 /// The most waypoints of a route and the most stops.
 inline constexpr int kMaxWaypoints = 128;
 
-/// The state of the robot's body. `forward` is the unit vector, in plan, along body x; heading
-/// [rad] = atan2(forward_y, forward_x); `turn_rate` [rad/s] about +z.
+/// The state of the robot's body.
 struct BodyState {
-  Vec<double, 3> position = Vec<double, 3>::Zero();
-  Vec<double, 3> velocity = Vec<double, 3>::Zero();
+  Vec<double, 3> position = Vec<double, 3>::Zero();  ///< [m]
+  Vec<double, 3> velocity = Vec<double, 3>::Zero();  ///< [m/s]
+  /// Unit vector in plan along the body's x; heading = atan2(forward_y, forward_x).
   Vec<double, 2> forward = Vec<double, 2>::UnitX();
-  double turn_rate = 0;
+  double turn_rate = 0;  ///< about +z [rad/s]
 };
 
 /// Heading [rad] in (−π, π].
@@ -42,14 +42,13 @@ struct BodyState {
   return std::atan2(body.forward(1), body.forward(0));
 }
 
-/// Waypoints [m] driven at constant speed [m/s] with corners rounded to `radius` [m] (less where
-/// legs are short; a turn on the spot where the route reverses). Looks where it goes; on a
-/// vertical stretch along +x.
+/// Waypoints driven at constant speed with rounded corners, and a turn on the spot where the route
+/// reverses. Looks where it goes; on a vertical stretch along +x.
 struct Route {
-  std::array<Vec<double, 3>, kMaxWaypoints> waypoints{};
-  int size = 0;
-  double speed = 1;
-  double radius = 0.5;
+  std::array<Vec<double, 3>, kMaxWaypoints> waypoints{};  ///< [m]; the first `size` count
+  int size = 0;                                           ///< 0 … kMaxWaypoints
+  double speed = 1;                                       ///< [m/s]
+  double radius = 0.5;  ///< of corners [m]; less where legs are short
 };
 
 /// Appends a waypoint. Errors: NotFinite, CapacityExceeded.

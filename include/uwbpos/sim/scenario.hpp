@@ -39,45 +39,44 @@
 
 namespace uwbpos::sim {
 
-/// The most tags that a body carries, and the most walls in its way.
+/// The most tags that a body carries.
 inline constexpr int kMaxTags = 8;
+/// The most walls in its way.
 inline constexpr int kMaxWalls = 64;
 
-/// A tag: its id and lever arm [m] (body frame: x forward, y left, z up).
+/// A tag on the body.
 struct Tag {
-  std::uint32_t id = 0;
+  std::uint32_t id = 0;  ///< what logs call it
+  /// Lever arm [m] in the body's frame: x forward, y left, z up.
   Vec<double, 3> lever = Vec<double, 3>::Zero();
 };
 
 /// Everything that a run is made of. A plain struct of fixed size.
 struct Scenario {
-  Anchors<double, 3> anchors{};
-  Path path = Route{};
+  Anchors<double, 3> anchors{};  ///< the responders
+  Path path = Route{};           ///< of the body
   /// The first `tag_count` of `tags`; one tag of id 0 in the body's centre unless told.
   std::array<Tag, kMaxTags> tags{};
-  int tag_count = 1;
-  Radio radio = dw1000_radio();
-  Blockage blockage{};
-  /// The first `wall_count` of `walls` stand.
-  std::array<Wall, kMaxWalls> walls{};
-  int wall_count = 0;
-  /// Epochs in a second, and from one exchange to the next within an epoch [s].
-  double epoch_rate = 10;
-  double slot = 2e-3;
-  /// True time of the first epoch.
-  Instant start{};
-  std::uint64_t seed = 1;
+  int tag_count = 1;                    ///< 1 … kMaxTags
+  Radio radio = dw1000_radio();         ///< of tags and anchors alike
+  Blockage blockage{};                  ///< how links come and go
+  std::array<Wall, kMaxWalls> walls{};  ///< of which the first `wall_count` stand
+  int wall_count = 0;                   ///< 0 … kMaxWalls
+  double epoch_rate = 10;               ///< epochs in a second
+  double slot = 2e-3;                   ///< from one exchange to the next within an epoch [s]
+  Instant start{};                      ///< true time of the first epoch
+  std::uint64_t seed = 1;               ///< of everything random
 };
 
 /// One exchange of a run, and the truth at `exchange.time`, when its poll was sent.
 struct Shot {
-  std::int64_t epoch = 0;
-  std::uint32_t tag_id = 0;
-  std::uint32_t anchor_id = 0;
-  Exchange exchange{};
-  BodyState body{};
-  Vec<double, 3> tag = Vec<double, 3>::Zero();
-  Vec<double, 3> anchor = Vec<double, 3>::Zero();
+  std::int64_t epoch = 0;                          ///< counted from zero
+  std::uint32_t tag_id = 0;                        ///< the initiator
+  std::uint32_t anchor_id = 0;                     ///< the responder
+  Exchange exchange{};                             ///< stamps, and the truth that belongs to them
+  BodyState body{};                                ///< where the body was
+  Vec<double, 3> tag = Vec<double, 3>::Zero();     ///< where the tag's antenna was [m]
+  Vec<double, 3> anchor = Vec<double, 3>::Zero();  ///< where the anchor's is [m]
 };
 
 /// Number of epochs that a scenario's path lasts, one at least.
@@ -131,14 +130,16 @@ class Simulation {
     return shot;
   }
 
-  /// The radios, by the tag's place in the scenario and the anchor's place in `anchors`.
+  /// The radio of a tag, by its place in the scenario, as it is now.
   [[nodiscard]] const Device& tag_device(int tag) const {
     return tag_devices_[static_cast<std::size_t>(tag)];
   }
+  /// The radio of an anchor, by its place in `anchors`, as it is now.
   [[nodiscard]] const Device& anchor_device(int anchor) const {
     return anchor_devices_[static_cast<std::size_t>(anchor)];
   }
 
+  /// What is being run.
   [[nodiscard]] const Scenario& scenario() const { return scenario_; }
 
  private:
