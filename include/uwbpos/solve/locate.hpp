@@ -64,16 +64,14 @@ Result<Descent<S, D>> locate_spanned(RangeSpan<S, D> ranges, const ToaRoots<S, D
   const auto from = [&](const Vec<S, D>& start) {
     return descend<S, D>(ranges, roots.center, start, roots.largest, kLocateIterations);
   };
-  Result<Descent<S, D>> best = from(likely_root(roots));
+  const RootChoice<S> choice = weigh_roots(roots);
+  Result<Descent<S, D>> best = from(roots.foot + choice.likely * roots.direction);
   // The linear system's own Δχ² between the roots: beyond this nothing can turn it round.
-  constexpr S kBeyondDoubt = S(400);
-  const S root = roots.square > S(0) ? std::sqrt(roots.square) : S(0);
-  if (best && S(4) * roots.linear_information * root * std::abs(roots.linear) > kBeyondDoubt) {
-    return best;
-  }
+  constexpr S kBeyondDoubt = S(100);
+  const S doubt = S(4) * roots.linear_information * std::abs(choice.likely * roots.linear);
+  if (best && (!choice.two_minima || doubt > kBeyondDoubt)) return best;
 
-  const S mirrored = roots.linear < S(0) ? root : -root;
-  Result<Descent<S, D>> other = from(roots.foot + mirrored * roots.direction);
+  Result<Descent<S, D>> other = from(roots.foot + choice.other * roots.direction);
   if (!best) return other;
   if (!other) return best;
   if (other->chi_squared < best->chi_squared) std::swap(*best, *other);

@@ -29,16 +29,13 @@ template <RangeSet R>
   const S slack = roots->rounding() + S(5) * std::sqrt(roots->square_variance);
   if (roots->flat() && roots->square < -slack) return std::unexpected(Error::InconsistentRanges);
   const Vec<S, D> foot = roots->center + roots->foot;
-  if (roots->square <= roots->rounding()) {
-    const Vec<S, D> only = roots->flat() ? foot : Vec<S, D>{roots->center + likely_root(*roots)};
-    return Mirror<S, D>{only, only};
+  const auto at = [&](S tau) -> Vec<S, D> { return foot + tau * roots->direction; };
+  if (roots->flat()) {
+    const S root = roots->square > roots->rounding() ? std::sqrt(roots->square) : S(0);
+    return Mirror<S, D>{at(root), at(-root)};
   }
-
-  const Vec<S, D> root = std::sqrt(roots->square) * roots->direction;
-  if (roots->flat()) return Mirror<S, D>{foot + root, foot - root};
-
-  Mirror<S, D> images{roots->center + likely_root(*roots),
-                      roots->linear < S(0) ? Vec<S, D>{foot + root} : Vec<S, D>{foot - root}};
+  const RootChoice<S> choice = weigh_roots(*roots);
+  Mirror<S, D> images{at(choice.likely), at(choice.two_minima ? choice.other : choice.likely)};
   S better = chi_squared<S, D>(span, images.first);
   S worse = chi_squared<S, D>(span, images.second);
   if (worse < better) {

@@ -2,13 +2,18 @@
 #pragma once
 
 /// @file
-/// Maximum-likelihood position from ranges: Gauss-Newton on
+/// Maximum-likelihood position from ranges: the minimum of
 /// \f$ \chi^2(p) = \sum (r_i - |p - a_i|)^2 / \sigma_i^2 \f$, with g the unit vectors of
 /// model/range.hpp:
 /// \f[ J = \sum g_i g_i^T / \sigma_i^2, \qquad
-///     J \, \Delta p = \sum g_i (r_i - |p - a_i|) / \sigma_i^2, \qquad
+///     \nabla = \sum g_i (r_i - |p - a_i|) / \sigma_i^2, \qquad
 ///     \operatorname{cov}(p) = J^{-1}, \qquad (1) \f]
-/// damped as Levenberg has it only where a step would not help. All of it relative to the anchors'
+/// \f[ H = J - \sum c_i (I - g_i g_i^T), \qquad
+///     c_i = (r_i - |p - a_i|) / (|p - a_i| \sigma_i^2), \qquad H \, \Delta p = \nabla. \qquad (2)
+///     \f]
+/// (2) is Newton's step: H adds to Gauss-Newton's J the curvature of the residuals, without which a
+/// tag near the anchors' plane takes tens of steps. Where H is not positive or its step does not
+/// help, J takes its place, damped as Levenberg has it. All of it relative to the anchors'
 /// centre, because a float has 24 bits and squares of building coordinates eat them.
 
 #include "uwbpos/model/range.hpp"
@@ -34,13 +39,13 @@ struct DirectionPrior {
   S information = S(0);
 };
 
-/// The normal equations (1) at one position, relative to a centre.
+/// (1) and (2) at one position, relative to a centre.
 template <class S, int D>
 struct RangeNormal {
   Mat<S, D> information;  ///< J, lower triangle
-  Vec<S, D> gradient;     ///< right-hand side of (1)
-  S chi_squared;
-  S pull;  ///< Σ |r − ρ| / (ρ σ²) over ranges shorter than predicted: bounds what J leaves out
+  Mat<S, D> hessian;      ///< H, lower triangle
+  Vec<S, D> gradient;     ///< ∇
+  S chi_squared;          ///< of the ranges and the prior
 };
 
 /// Evaluates (1) at `position`, relative to `center` like `prior`. O(n·D²), no allocation.
@@ -52,9 +57,11 @@ template <class S, int D>
   normal.information.setZero();
   add_outer(normal.information, prior.direction, prior.information);
   const Vec<S, D> to_prior = prior.point - position;
-  normal.gradient = prior.direction * (prior.information * dot(prior.direction, to_prior));
-  normal.chi_squared = S(0);
-  normal.pull = S(0);
+  const S off_prior = dot(prior.direction, to_prior);
+  normal.gradient = prior.direction * (prior.information * off_prior);
+  normal.chi_squared = prior.information * off_prior * off_prior;
+  normal.hessian.setZero();
+  S curvature = S(0);
   for (const RangeTo<S, D>& r : ranges) {
     const Vec<S, D> anchor = r.anchor - center;
     const RangePrediction<S, D> predicted = predict_range(position, anchor);
@@ -64,8 +71,12 @@ template <class S, int D>
     add_outer(normal.information, predicted.gradient, weight);
     normal.gradient += weighted * predicted.gradient;
     normal.chi_squared += weighted * residual;
-    if (weighted < S(0)) normal.pull -= weighted / predicted.range;
+    const S bend = predicted.range > S(0) ? weighted / predicted.range : S(0);
+    add_outer(normal.hessian, predicted.gradient, bend);
+    curvature += bend;
   }
+  normal.hessian += normal.information;
+  for (int i = 0; i < D; ++i) normal.hessian(i, i) -= curvature;
   return normal;
 }
 
@@ -74,7 +85,7 @@ template <class S, int D>
 struct Descent {
   Vec<S, D> position;
   Mat<S, D> information;
-  S chi_squared;
+  S chi_squared;  ///< before the last, negligible step
 };
 
 /// Descends (1) from `start` to the minimum in whose basin it lies. All relative to `center`;
@@ -87,36 +98,39 @@ template <class S, int D>
   constexpr S kEpsilon = std::numeric_limits<S>::epsilon();
   constexpr S kSmallStep = S(1e-8);  // a ten-thousandth of a standard deviation, squared
   constexpr S kLeastDamping = S(1e-3);
+  constexpr S kMostDamping = S(1e6);
   const S rounding = S(4) * kEpsilon * largest;
   Vec<S, D> position = start;
   RangeNormal<S, D> normal = range_normal(ranges, center, position, prior);
   S damping = S(0);
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    S trace = S(0);
-    for (int i = 0; i < D; ++i) trace += normal.information(i, i);
-    const Ldlt<S, D> undamped{normal.information};
-    Vec<S, D> step = undamped.solve(normal.gradient);
-    bool still = undamped.positive_definite() && dot(step, normal.gradient) <= kSmallStep;
-    if (damping > S(0) || !undamped.positive_definite()) {
-      Mat<S, D> damped = normal.information;
-      for (int i = 0; i < D; ++i) damped(i, i) += std::max(damping, kLeastDamping) * trace;
-      step = Ldlt<S, D>{damped}.solve(normal.gradient);
+    const S trace = normal.information.trace();
+    Mat<S, D> matrix = damping > S(0) ? normal.information : normal.hessian;
+    for (int i = 0; i < D; ++i) matrix(i, i) += damping * trace;
+    const Ldlt<S, D> factor{matrix};
+    if (!factor.positive_definite()) {
+      damping = std::max(damping * S(4), kLeastDamping);
+      if (!(damping < kMostDamping)) break;
+      continue;
     }
-    still = still || squared_norm(step) <= rounding * rounding;
-    const Vec<S, D> trial = position + step;
-    const RangeNormal<S, D> next = range_normal(ranges, center, trial, prior);
+    const Vec<S, D> step = factor.solve(normal.gradient);
+    const S gain = dot(step, normal.gradient);
+    if ((damping <= kLeastDamping && gain <= kSmallStep) ||
+        squared_norm(step) <= rounding * rounding) {
+      // Newton squares what is left: after a step so small nothing need be evaluated again.
+      return Descent<S, D>{position + step, normal.information, normal.chi_squared};
+    }
+    const RangeNormal<S, D> next = range_normal<S, D>(ranges, center, position + step, prior);
     // No worse than what rounding of every residual may add to χ².
     const S worst = std::sqrt(normal.chi_squared) + std::sqrt(trace) * rounding;
     if (next.chi_squared <= worst * worst) {
-      position = trial;
+      position += step;
       normal = next;
-      damping = damping > S(4) * kLeastDamping ? damping / S(4) : S(0);
-    } else if (!still) {
-      // Gauss-Newton lacks the curvature of the residuals; their pull bounds it.
-      damping = std::max(damping * S(4), std::max(normal.pull / trace, kLeastDamping));
+      damping = S(0);
+    } else {
+      damping = std::max(damping * S(4), kLeastDamping);
+      if (!(damping < kMostDamping)) break;
     }
-    if (still) return Descent<S, D>{position, normal.information, normal.chi_squared};
-    if (!(damping < S(1e6))) break;
   }
   return std::unexpected(Error::NotConverged);
 }
@@ -152,7 +166,7 @@ template <RangeSet R>
     if (!roots) return std::unexpected(roots.error());
     if (roots->flat()) return std::unexpected(Error::AmbiguousSolution);
     center = roots->center;
-    start = likely_root(*roots);
+    start = roots->foot + weigh_roots(*roots).likely * roots->direction;
     largest = roots->largest;
   }
   const Result<Descent<S, D>> descent =

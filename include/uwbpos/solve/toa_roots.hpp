@@ -119,19 +119,38 @@ template <class S, int D>
   return roots;
 }
 
-/// The point between what the linear system and the nearer root say about τ, by their weights,
-/// relative to `center`; for flat anchors the root along +v.
+/// What the linear system and the roots together say about τ, by their weights: the quartic
+/// \f[ \chi^2(\tau) = i (\tau - \tau_0)^2 + (\tau^2 - q)^2 / v. \qquad (2) \f]
+template <class S>
+struct RootChoice {
+  S likely;  ///< τ near the lowest minimum of (2) [m]
+  S other;   ///< τ near the other minimum [m]; meaningless without `two_minima`
+  bool two_minima;
+};
+
+/// The minima of (2), each by two Newton steps. O(1), no allocation. Flat anchors have both roots.
 template <class S, int D>
-[[nodiscard]] Vec<S, D> likely_root(const ToaRoots<S, D>& roots) {
-  const S square = std::max(roots.square, S(0));
-  const S root = std::sqrt(square);
-  const S information = S(4) * square / roots.square_variance;
-  const S total = information + roots.linear_information;
-  if (!(total > S(0))) return roots.foot;
-  const S signed_root = roots.linear < S(0) ? -root : root;
-  return roots.foot +
-         roots.direction *
-             ((information * signed_root + roots.linear_information * roots.linear) / total);
+[[nodiscard]] RootChoice<S> weigh_roots(const ToaRoots<S, D>& roots) {
+  // Half the derivative: v⁻¹ (2τ³ + 2(a − q)τ − 2aτ₀) with a = i v / 2.
+  const S root = roots.square > S(0) ? std::sqrt(roots.square) : S(0);
+  const S a = roots.linear_information * roots.square_variance / 2;
+  const auto polish = [&](S tau) {
+    for (int i = 0; i < 2; ++i) {
+      const S curvature = S(3) * tau * tau + a - roots.square;
+      if (!(curvature > S(0))) break;
+      tau -= ((tau * tau + a - roots.square) * tau - a * roots.linear) / curvature;
+    }
+    return tau;
+  };
+  const S towards = roots.linear < S(0) ? -root : root;
+  const S weight = S(2) * roots.square;  // of the root, as a is of the linear solution
+  const S start = a + weight > S(0) && roots.square > S(0)
+                      ? (a * roots.linear + weight * towards) / (a + weight)
+                      : (a > S(0) ? roots.linear : S(0));
+  const S gap = roots.square - a;
+  const bool two =
+      gap > S(0) && S(27) * a * a * roots.linear * roots.linear < S(4) * gap * gap * gap;
+  return {polish(start), polish(-towards), two};
 }
 
 }  // namespace uwbpos
