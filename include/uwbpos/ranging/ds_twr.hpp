@@ -31,12 +31,12 @@ namespace uwbpos {
 /// Stamps of one exchange: poll sent (A), received (B); response sent (B), received (A); final
 /// sent (A), received (B).
 struct DsTwrStamps {
-  DeviceTime<> poll_tx;
-  DeviceTime<> poll_rx;
-  DeviceTime<> resp_tx;
-  DeviceTime<> resp_rx;
-  DeviceTime<> final_tx;
-  DeviceTime<> final_rx;
+  DeviceTime<> poll_tx;   ///< Poll sent, by A.
+  DeviceTime<> poll_rx;   ///< Poll received, by B.
+  DeviceTime<> resp_tx;   ///< Response sent, by B.
+  DeviceTime<> resp_rx;   ///< Response received, by A.
+  DeviceTime<> final_tx;  ///< Final sent, by A.
+  DeviceTime<> final_rx;  ///< Final received, by B.
 };
 
 namespace detail {

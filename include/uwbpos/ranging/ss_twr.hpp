@@ -27,10 +27,10 @@ namespace uwbpos {
 /// Stamps of one exchange: poll sent (A), poll received (B), response sent (B), response
 /// received (A).
 struct SsTwrStamps {
-  DeviceTime<> poll_tx;
-  DeviceTime<> poll_rx;
-  DeviceTime<> resp_tx;
-  DeviceTime<> resp_rx;
+  DeviceTime<> poll_tx;  ///< Poll sent, by A.
+  DeviceTime<> poll_rx;  ///< Poll received, by B.
+  DeviceTime<> resp_tx;  ///< Response sent, by B.
+  DeviceTime<> resp_rx;  ///< Response received, by A.
 };
 
 namespace detail {

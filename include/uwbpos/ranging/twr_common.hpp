@@ -26,10 +26,11 @@ struct TwrOptions {
   /// δ = eB − eA, the responder's rate against the initiator's: carrier offset or `RateTracker`.
   /// Single-sided ranging alone uses it. [|δ| ≤ max_clock_offset]
   S clock_offset{};
-  /// Total (transmit + receive) antenna delay of A and of B [s]. [|d| ≤ 1 ms]
+  /// Total (transmit + receive) antenna delay of A [s], and below of B. [|d| ≤ 1 ms]
   S antenna_delay_a{};
-  S antenna_delay_b{};
-  /// Standard deviation of the stamp of a reception [s]. [0 < σ ≤ 1 ms]
+  S antenna_delay_b{};  ///< Of B.
+  /// Standard deviation of the stamp of a reception [s]; departures are taken to be exact, as
+  /// scheduled ones are. Where they are as noisy, give √2 of it. [0 < σ ≤ 1 ms]
   S sigma_timestamp = S(0.15e-9);
   /// Ranges beyond are refused [m]. [0 < r ≤ 10 000 km]
   S max_range = S(500);

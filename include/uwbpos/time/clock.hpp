@@ -16,8 +16,8 @@ namespace uwbpos {
 /// (20 ppm = 20e-6).
 template <class S>
 struct Clock {
-  S offset{};
-  S rate{};
+  S offset{};  ///< [s] shown at true time zero.
+  S rate{};    ///< e, the relative frequency error.
 };
 
 /// What the clock shows [s] at true time `t` [s], equation (1).

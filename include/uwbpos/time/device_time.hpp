@@ -17,10 +17,14 @@ class DeviceTime {
   static_assert(Bits >= 8 && Bits <= 62, "a counter has 8 to 62 bits");
 
  public:
+  /// Width of the counter.
   static constexpr unsigned kBits = Bits;
+  /// Ticks to a wrap, 2^Bits.
   static constexpr std::int64_t kWrap = std::int64_t{1} << Bits;
+  /// Half of that: intervals from here on have no sign.
   static constexpr std::int64_t kHalfWrap = kWrap / 2;
 
+  /// Reading zero.
   constexpr DeviceTime() = default;
 
   /// Bits above the counter's are dropped, as the hardware would.
@@ -29,18 +33,22 @@ class DeviceTime {
   /// The reading, in [0, 2^Bits).
   [[nodiscard]] constexpr std::uint64_t ticks() const { return ticks_; }
 
+  /// The same reading; whole wraps apart are the same.
   friend constexpr bool operator==(DeviceTime, DeviceTime) = default;
 
+  /// Signed ticks from `earlier` to `later`, as said above.
   friend constexpr std::int64_t operator-(DeviceTime later, DeviceTime earlier) {
     const std::uint64_t residue = (later.ticks_ - earlier.ticks_) & (kWrap - 1);
     const auto difference = static_cast<std::int64_t>(residue);
     return difference < kHalfWrap ? difference : difference - kWrap;
   }
 
+  /// The reading `ticks` later, wrapped.
   friend constexpr DeviceTime operator+(DeviceTime time, std::int64_t ticks) {
     return DeviceTime{time.ticks_ + static_cast<std::uint64_t>(ticks)};
   }
 
+  /// The reading `ticks` earlier, wrapped.
   friend constexpr DeviceTime operator-(DeviceTime time, std::int64_t ticks) {
     return DeviceTime{time.ticks_ - static_cast<std::uint64_t>(ticks)};
   }

@@ -57,7 +57,10 @@ struct RateTrackerOptions {
 template <class S, unsigned Bits = 40>
 class RateTracker {
  public:
+  /// With the default options.
   RateTracker() = default;
+
+  /// With options, which `update` checks.
   explicit RateTracker(const RateTrackerOptions<S>& options) : options_{options} {}
 
   /// One more event: `a` on clock A, `b` on clock B, and when the host saw it [µs] — any epoch,
@@ -66,10 +69,10 @@ class RateTracker {
   /// `TwrOptions::clock_offset` and (its root) `sigma_clock_offset` ask for.
   ///
   /// Errors, in the order they are looked for:
-  /// - InvalidOption: an option is NaN or outside its domain (σ, bound, wander and step in [0, 1),
-  /// the
-  ///   first two not 0; times not negative, the gap neither 0 nor over a thousand hours, the jitter
-  ///   not over the gap). Nothing changes.
+  /// - InvalidOption: an option is NaN or outside its domain: σ and bound in (0, 1), wander and
+  /// step
+  ///   in [0, 1), 0 < `max_gap` ≤ 1000 h, 0 ≤ `reorder_window`, 0 ≤ `host_jitter` ≤ `max_gap`.
+  ///   Nothing changes.
   /// - TimeNotIncreasing: host time stands still or steps back. A step back within
   ///   `reorder_window` is a late or repeated frame and is ignored; a longer one starts afresh.
   /// - NotYetTracked: the first event.
@@ -123,8 +126,8 @@ class RateTracker {
   }
 
   RateTrackerOptions<S> options_{};
-  DeviceTime<Bits> a_{};
-  DeviceTime<Bits> b_{};
+  DeviceTime<Bits> a_;
+  DeviceTime<Bits> b_;
   std::int64_t host_ = 0;
   Measured<S> state_{};
   bool based_ = false;

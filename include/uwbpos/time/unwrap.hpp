@@ -15,9 +15,9 @@ namespace uwbpos {
 /// Ticks that a counter may have run: residue + kW. `nearest` to what the host says, and the
 /// second nearest, `other`, with `other_mismatch` its distance from that; both positive.
 struct UnwrappedInterval {
-  std::int64_t nearest;
-  std::optional<std::int64_t> other;
-  std::int64_t other_mismatch;
+  std::int64_t nearest;               ///< [ticks]
+  std::optional<std::int64_t> other;  ///< [ticks], unless it were not positive.
+  std::int64_t other_mismatch;        ///< [ticks], 0 without `other`.
 };
 
 /// The positive intervals that leave a counter at `later` when it was at `earlier`, next to
