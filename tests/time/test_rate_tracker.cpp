@@ -210,6 +210,19 @@ TEST_CASE_TEMPLATE("A restarted device is told, once, and the rate survives it",
   }
 }
 
+TEST_CASE_TEMPLATE("Restarts with good stamps between them never cost the rate", S, float, double) {
+  sim::Random random{"restarts apart"};
+  Pair pair;
+  RateTracker<S, 32> tracker;
+  for (int i = 0; i < 20; ++i) static_cast<void>(feed(tracker, next(pair, 0.1, random)));
+  for (int i = 0; i < 5; ++i) {
+    pair.offset_b += 1'111'111'111;
+    CHECK(refused(tracker, next(pair, 0.1, random)) == Error::ClockJump);
+    CHECK(tracker.rate().has_value());
+    CHECK(feed(tracker, next(pair, 0.1, random)).has_value());
+  }
+}
+
 TEST_CASE_TEMPLATE("Another device under the same name does not lock the tracker out", S, float,
                    double) {
   sim::Random random{"another device"};
