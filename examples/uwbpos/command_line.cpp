@@ -13,7 +13,9 @@
 #include "uwbpos/core/version.hpp"
 
 #include "commands.hpp"
+#include "demo.hpp"
 #include "failure.hpp"
+#include "simulate.hpp"
 
 namespace uwbpos::host {
 namespace {
@@ -146,6 +148,70 @@ void settle_solving(const CLI::App& app, Arguments& a) {
   if (s.anchors.empty() && s.twr.empty()) throw CLI::RequiredError{"--anchors"};
 }
 
+void add_simulation(CLI::App& app, SimulateSettings& s) {
+  app.add_option("--out", s.out, "directory for the logs")->type_name("DIR")->capture_default_str();
+  app.add_option("--seed", s.seed, "the same seed, the same logs")
+      ->type_name("N")
+      ->capture_default_str();
+  app.add_option("--hall", s.hall, "the hall, and how high the anchors hang [m] (default: 10,8,3)")
+      ->type_name("WIDTH,DEPTH,HEIGHT")
+      ->delimiter(',')
+      ->expected(3)
+      ->check(finite());
+  app.add_option("--anchor-count", s.anchors, "how many anchors, up to 64")
+      ->type_name("N")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  const std::map<std::string, sim::Placement> placements{{"axes", sim::Placement::Axes},
+                                                         {"corners", sim::Placement::Corners},
+                                                         {"edges", sim::Placement::Edges},
+                                                         {"perimeter", sim::Placement::Perimeter},
+                                                         {"grid", sim::Placement::Grid}};
+  app.add_option("--placement", s.placement, "where the anchors hang (default: perimeter)")
+      ->type_name("axes|corners|edges|perimeter|grid")
+      ->transform(CLI::CheckedTransformer(placements).description(""));
+  app.add_option("--second-height", s.other_height,
+                 "height of every second anchor [m] (default: as the others)")
+      ->type_name("H")
+      ->check(finite());
+  const std::map<std::string, PathShape> shapes{
+      {"lawn", PathShape::kLawn}, {"circle", PathShape::kCircle}, {"stops", PathShape::kStops}};
+  app.add_option("--path", s.path, "how the robot moves (default: lawn)")
+      ->type_name("lawn|circle|stops")
+      ->transform(CLI::CheckedTransformer(shapes).description(""));
+  app.add_option("--speed", s.speed, "of the robot [m/s]")
+      ->type_name("V")
+      ->check(above_zero())
+      ->capture_default_str();
+  app.add_option("--height", s.tag_height, "of the tags [m]")
+      ->type_name("H")
+      ->check(finite())
+      ->capture_default_str();
+  app.add_option("--tag-count", s.tags, "tags on the robot, 0.3 m from its centre if several")
+      ->type_name("N")
+      ->check(CLI::Range(1, sim::kMaxTags))
+      ->capture_default_str();
+  const std::map<std::string, RadioModel> radios{{"ideal", RadioModel::kIdeal},
+                                                 {"dw1000", RadioModel::kDw1000},
+                                                 {"dw3000", RadioModel::kDw3000},
+                                                 {"delivery-robot", RadioModel::kDeliveryRobot}};
+  app.add_option("--radio", s.radio, "clocks, noise and reply times (default: dw1000)")
+      ->type_name("ideal|dw1000|dw3000|delivery-robot")
+      ->transform(CLI::CheckedTransformer(radios).description(""));
+  app.add_option("--rate", s.rate, "epochs in a second")
+      ->type_name("HZ")
+      ->check(above_zero())
+      ->capture_default_str();
+  app.add_option("--blocked", s.blocked, "share of the time that a link is blocked")
+      ->type_name("P")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  app.add_option("--loss", s.loss, "probability that a message is lost")
+      ->type_name("P")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+}
+
 int dispatch(int argc, const char* const* argv) {
   CLI::App app{kAbout, "uwbpos"};
   app.require_subcommand(1);
@@ -164,8 +230,21 @@ int dispatch(int argc, const char* const* argv) {
   add_inputs(*calibrate, calibrate_arguments);
   calibrate->footer(kReplayFooter);
 
+  SimulateSettings simulation;
+  CLI::App* simulate =
+      app.add_subcommand("simulate", "write the logs and the truth of a simulated run");
+  add_simulation(*simulate, simulation);
+
+  std::filesystem::path demo_out = "out/demo";
+  CLI::App* demo = app.add_subcommand("demo", "show in a minute what this is about");
+  demo->add_option("--out", demo_out, "directory for the reports")
+      ->type_name("DIR")
+      ->capture_default_str();
+
   try {
     app.parse(argc, argv);
+    if (simulate->parsed()) return run_simulate(simulation);
+    if (demo->parsed()) return run_demo(demo_out);
     if (replay->parsed()) {
       settle_solving(*replay, replay_arguments);
       return run_replay(replay_arguments.settings);

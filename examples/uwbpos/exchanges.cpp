@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 #include <map>
+#include <tuple>
 #include <utility>
 
 #include "uwbpos/ranging/ds_twr.hpp"
@@ -147,17 +148,42 @@ Ranging ranges_from_exchanges(const std::vector<Exchange>& exchanges, const Sett
   return result;
 }
 
+namespace {
+
+// Mean of the robust spreads of groups of five errors or more.
+template <class Groups>
+std::optional<double> mean_spread(const Groups& groups) {
+  constexpr std::size_t enough = 5;
+  std::vector<double> spreads;
+  for (const auto& [key, errors] : groups) {
+    if (errors.size() >= enough) spreads.push_back(robust_spread(errors));
+  }
+  if (spreads.empty()) return std::nullopt;
+  return mean(spreads);
+}
+
+}  // namespace
+
 RangeScore score_ranges(const std::vector<ScoredRange>& ranges) {
   std::vector<double> ours;
   std::vector<double> logged;
   std::vector<double> uncorrected;
+  std::map<std::tuple<Id, Id, double>, std::vector<double>> at_distance;
+  std::map<std::tuple<Id, Id, double>, std::vector<double>> logged_at_distance;
   for (const ScoredRange& range : ranges) {
+    const std::tuple place{range.tag, range.anchor, range.truth};
     ours.push_back(range.range - range.truth);
-    if (range.logged) logged.push_back(*range.logged - range.truth);
+    at_distance[place].push_back(ours.back());
+    if (range.logged) {
+      logged.push_back(*range.logged - range.truth);
+      logged_at_distance[place].push_back(logged.back());
+    }
     if (range.uncorrected) uncorrected.push_back(*range.uncorrected - range.truth);
   }
   RangeScore score;
   score.ours = summarize(std::move(ours), kRangeOutlier);
+  score.spread_at_one_distance = mean_spread(at_distance);
+  score.logged_spread_at_one_distance = mean_spread(logged_at_distance);
   if (!logged.empty()) score.logged = summarize(std::move(logged), kRangeOutlier);
   if (!uncorrected.empty()) score.uncorrected = summarize(std::move(uncorrected), kRangeOutlier);
   return score;

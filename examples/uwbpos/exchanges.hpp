@@ -52,6 +52,10 @@ inline constexpr double kRangeOutlier = 0.6;
 /// Errors of the scored ranges of one method.
 struct RangeScore {
   SampleSummary ours;
+  /// Mean over links and distances, each with five ranges or more, of the robust spread there [m]:
+  /// the noise alone, without what changes from place to place. Of the module's ranges likewise.
+  std::optional<double> spread_at_one_distance;
+  std::optional<double> logged_spread_at_one_distance;
   std::optional<SampleSummary> logged;
   std::optional<SampleSummary> uncorrected;
 };

@@ -235,6 +235,14 @@ int choose_dim(const Settings& settings, const Points& anchors) {
   return high - low <= equally_high && !told_where ? 2 : 3;
 }
 
+Side side_of(double height, const Points& anchors) {
+  double mean = 0;
+  for (const auto& [id, position] : anchors) mean += position.z();
+  mean /= static_cast<double>(anchors.size());
+  if (height == mean) return Side::kUnknown;
+  return height > mean ? Side::kAbove : Side::kBelow;
+}
+
 double tag_height(double mean_height, const Points& tags, Id tag) {
   const auto lever = tags.find(tag);
   if (lever == tags.end()) return mean_height;
@@ -244,8 +252,12 @@ double tag_height(double mean_height, const Points& tags, Id tag) {
   return mean_height + lever->second.z() - mean;
 }
 
-Replay replay(const Settings& settings, const Site& site, const std::vector<Reading>& readings,
+Replay replay(const Settings& given, const Site& site, const std::vector<Reading>& readings,
               const std::function<void(std::size_t, std::size_t)>& progress) {
+  Settings settings = given;
+  if (settings.side == Side::kUnknown && settings.height) {
+    settings.side = side_of(*settings.height, site.anchors);
+  }
   Replay result;
   result.dim = choose_dim(settings, site.anchors);
   result.residuals_to_truth = !site.truth.empty();

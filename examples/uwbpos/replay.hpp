@@ -77,7 +77,11 @@ struct Site {
 /// high, else 3.
 [[nodiscard]] int choose_dim(const Settings& settings, const Points& anchors);
 
-/// Readings must ascend in time. `progress(done, of)` is called now and then.
+/// On which side of the anchors a height lies.
+[[nodiscard]] Side side_of(double height, const Points& anchors);
+
+/// Readings must ascend in time. In space a given height tells the side. `progress(done, of)` is
+/// called now and then.
 [[nodiscard]] Replay replay(const Settings& settings, const Site& site,
                             const std::vector<Reading>& readings,
                             const std::function<void(std::size_t, std::size_t)>& progress = {});

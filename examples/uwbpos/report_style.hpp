@@ -88,7 +88,13 @@ footer { color: var(--muted); font-size: 0.86rem; margin-top: 20px; }
   }
   @page { margin: 14mm; }
   * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
-  body { font-size: 10.5pt; }
+  body { font-size: 9.5pt; }
+  .verdict { font-size: 1em; }
+  table { font-size: 8pt; }
+  th { font-size: 7.5pt; }
+  th, td { padding: 3px 5px 3px 0; }
+  .scroll { overflow: visible; }
+  footer { margin-top: 8px; }
   main { max-width: none; padding: 0; }
   .grid { grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 10px; }
   .numbers { grid-template-columns: repeat(4, minmax(0, 1fr)); gap: 8px; }

@@ -23,7 +23,15 @@ Json json_of(const SampleSummary& s) {
 
 Json json_of(const RangeScore& score) {
   Json json = json_of(score.ours);
-  if (score.logged) json["logged"] = json_of(*score.logged);
+  if (score.spread_at_one_distance) {
+    json["spread_at_one_distance"] = *score.spread_at_one_distance;
+  }
+  if (score.logged) {
+    json["logged"] = json_of(*score.logged);
+    if (score.logged_spread_at_one_distance) {
+      json["logged"]["spread_at_one_distance"] = *score.logged_spread_at_one_distance;
+    }
+  }
   if (score.uncorrected) json["uncorrected"] = json_of(*score.uncorrected);
   return json;
 }
@@ -206,8 +214,21 @@ std::string range_table(const Recording& recording) {
   if (score.uncorrected) {
     text += range_row("single-sided, clocks not corrected", *score.uncorrected);
   }
-  for (const auto& [link, ranges] : by_link(ranging)) {
-    if (by_link(ranging).size() == 1) break;
+  if (score.spread_at_one_distance) {
+    text += fmt::format("spread at one distance, averaged over distances: {:.3f} m here",
+                        *score.spread_at_one_distance);
+    if (score.logged_spread_at_one_distance) {
+      text += fmt::format(", {:.3f} m as the module logged", *score.logged_spread_at_one_distance);
+    }
+    text += '\n';
+  }
+  constexpr std::size_t most = 8;
+  const auto links = by_link(ranging);
+  if (links.size() > most) {
+    return text + fmt::format("{} links; summary.json has each of them\n", links.size());
+  }
+  for (const auto& [link, ranges] : links) {
+    if (links.size() == 1) break;
     text += range_row(fmt::format("tag {} to anchor {}", link.first, link.second),
                       score_ranges(ranges).ours);
   }
