@@ -20,6 +20,21 @@ using Real = long double;
 inline constexpr Real kTick = 1 / (128 * 499.2e6L);
 inline constexpr Real kAir = 299702547.0L;
 
+/// A number of any precision, said to become a long double.
+template <class S>
+constexpr Real real(S value) {
+  return static_cast<Real>(value);
+}
+
+inline Real uniform(sim::Random& random, double low, double high) {
+  return real(random.uniform(low, high));
+}
+
+/// Noise of standard deviation `sigma` [s] in ticks.
+inline Real noise_ticks(sim::Random& random, double sigma) {
+  return real(random.normal(0, sigma)) / kTick;
+}
+
 /// What happens, in true time [s]: A is initiator, B responder.
 struct Scene {
   Real range;
@@ -58,7 +73,7 @@ inline DsTwrStamps stamps(const RealStamps& r) {
 
 /// Stamps with random phases, anywhere in the counter's range: wraps fall inside exchanges.
 inline DsTwrStamps random_stamps(const Scene& s, sim::Random& random) {
-  return stamps(real_stamps(s, random.uniform(0, 0x1p40), random.uniform(0, 0x1p40)));
+  return stamps(real_stamps(s, uniform(random, 0, 0x1p40), uniform(random, 0, 0x1p40)));
 }
 
 inline SsTwrStamps single(const DsTwrStamps& s) {
@@ -101,7 +116,7 @@ inline Real offset_in_b(const Scene& s) { return (s.rate_b - s.rate_a) / (1 + s.
 
 /// A reply from 0.1 ms to 4 s, even in its logarithm.
 inline Real random_reply(sim::Random& random) {
-  return 1e-4L * std::pow(4e4L, static_cast<Real>(random.uniform()));
+  return 1e-4L * std::pow(4e4L, real(random.uniform()));
 }
 
 }  // namespace uwbpos::test

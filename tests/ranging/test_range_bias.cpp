@@ -25,7 +25,7 @@ TEST_CASE_TEMPLATE("The table's own points come out as they are", S, float, doub
 }
 
 TEST_CASE_TEMPLATE("Between points the bias is linear", S, float, double) {
-  const double tolerance = 10 * std::numeric_limits<S>::epsilon();
+  const double tolerance = 10.0 * static_cast<double>(std::numeric_limits<S>::epsilon());
   const auto at = [](double power) {
     return static_cast<double>(table<S>().at(static_cast<S>(power)).value());
   };

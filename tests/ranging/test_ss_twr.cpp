@@ -37,7 +37,7 @@ TEST_CASE_TEMPLATE("Whole ticks of flight come out exactly", S, float, double) {
     // Two roundings of the scale, one of the product: 3·2^-24.
     CHECK(static_cast<double>(range->value) ==
           doctest::Approx(static_cast<double>(flight) * static_cast<double>(kTick * kAir))
-              .epsilon(4 * std::numeric_limits<S>::epsilon()));
+              .epsilon(4.0 * static_cast<double>(std::numeric_limits<S>::epsilon())));
   }
 }
 
@@ -83,9 +83,9 @@ TEST_CASE_TEMPLATE("Simulated noise has the variance that is promised", S, float
   const Scene scene{40, 2e-3L, 2e-3L, 0, 0};
   std::vector<double> normalised;
   for (int i = 0; i < 20000; ++i) {
-    RealStamps r = real_stamps(scene, random.uniform(0, 0x1p40), random.uniform(0, 0x1p40));
-    r.poll_rx += random.normal(0, sigma) / kTick;
-    r.resp_rx += random.normal(0, sigma) / kTick;
+    RealStamps r = real_stamps(scene, uniform(random, 0, 0x1p40), uniform(random, 0, 0x1p40));
+    r.poll_rx += noise_ticks(random, sigma);
+    r.resp_rx += noise_ticks(random, sigma);
     options.clock_offset = static_cast<S>(random.normal(0, sigma_offset));
     const auto range = ss_twr_range<S>(single(stamps(r)), options);
     REQUIRE(range);
@@ -103,9 +103,9 @@ TEST_CASE_TEMPLATE("Near zero the range is not clamped, so its mean is right", S
   sim::Random random{"single-sided near zero"};
   std::vector<double> values;
   for (int i = 0; i < 20000; ++i) {
-    RealStamps r = real_stamps({0, 1e-3L, 1e-3L, 0, 0}, random.uniform(0, 1e9), 0);
-    r.poll_rx += random.normal(0, 0.15e-9) / kTick;
-    r.resp_rx += random.normal(0, 0.15e-9) / kTick;
+    RealStamps r = real_stamps({0, 1e-3L, 1e-3L, 0, 0}, uniform(random, 0, 1e9), 0);
+    r.poll_rx += noise_ticks(random, 0.15e-9);
+    r.resp_rx += noise_ticks(random, 0.15e-9);
     const auto range = ss_twr_range<S>(single(stamps(r)));
     REQUIRE(range);
     values.push_back(static_cast<double>(range->value));

@@ -41,16 +41,18 @@ struct Event {
   std::int64_t host;
 };
 
-// The event `seconds` after the last one.
-Event next(Pair& pair, double seconds, sim::Random& random) {
+// The event `period` seconds after the last one.
+Event next(Pair& pair, double period, sim::Random& random) {
+  const auto seconds = static_cast<long double>(period);
   pair.time += seconds;
   pair.offset_a += pair.rate_a * seconds * kTicksPerSecond;
   pair.offset_b += pair.rate_b * seconds * kTicksPerSecond;
   const auto stamp = [&](long double offset) {
-    const long double noise = random.normal(0, pair.sigma) * kTicksPerSecond;
+    const auto noise = static_cast<long double>(random.normal(0, pair.sigma)) * kTicksPerSecond;
     return static_cast<std::uint64_t>(std::llround(pair.time * kTicksPerSecond + offset + noise));
   };
-  const long double host = pair.time * (1 + pair.host_rate) + random.uniform(0, pair.host_latency);
+  const auto late = static_cast<long double>(random.uniform(0, pair.host_latency));
+  const long double host = pair.time * (1 + pair.host_rate) + late;
   return {stamp(pair.offset_a), stamp(pair.offset_b), std::llround(1.7e15L + host * 1e6L)};
 }
 
@@ -121,13 +123,13 @@ TEST_CASE_TEMPLATE("The variance bounds the error, and not by a mile", S, float,
   std::vector<double> normalised;
   for (int run = 0; run < 400; ++run) {
     Pair pair;
-    pair.rate_a = random.uniform(-20e-6, 20e-6);
-    pair.rate_b = random.uniform(-20e-6, 20e-6);
+    pair.rate_a = static_cast<long double>(random.uniform(-20e-6, 20e-6));
+    pair.rate_b = static_cast<long double>(random.uniform(-20e-6, 20e-6));
     RateTracker<S, 32> tracker;
     const double period = 0.1;
     for (int i = 0; i < 60; ++i) {
       // The wander that the options state.
-      pair.rate_b += random.normal(0, 5e-9) * std::sqrt(period);
+      pair.rate_b += static_cast<long double>(random.normal(0, 5e-9) * std::sqrt(period));
       const auto rate = feed(tracker, next(pair, period, random));
       if (!rate || i < 20) continue;
       normalised.push_back((static_cast<double>(rate->value) - pair.delta()) /

@@ -6,11 +6,10 @@
 ///
 ///   (1) \f$ \hat\tau = ((R_a - D_b) + \delta D_b)/2 \f$, (000-4) for δ = 0;
 ///   (2) error \f$ \tau e_A + D_b (e_A - e_B + \delta)/2 \f$ to first order, (000-11) for δ = 0;
-///   (3) \f$ \mathrm{var}\,\hat\tau = \sigma_t^2/2 + (D_b \sigma_\delta/2)^2 \f$: the two
-///   receptions
+///   (3) \f$ \mathrm{var}\,\hat\tau = \sigma_t^2/2 + (D_b \sigma_\delta/2)^2 \f$: both receptions
 ///       are noisy, transmissions are scheduled.
 ///
-/// Interval by interval (1) is exact up to the scale 1 + eA for δ = (eB − eA)/(1 + eB). A rate
+/// (1) is exact up to the scale 1 + eA for δ = (eB − eA)/(1 + eB). A rate
 /// counted in A's time, as a `RateTracker` counts it, is larger by δ²; 0.24 mm per millisecond of
 /// reply at 40 ppm. For replies beyond that give δ/(1 + δ).
 ///
