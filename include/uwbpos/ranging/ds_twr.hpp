@@ -14,10 +14,9 @@
 ///       \f$ \tau(e_A+e_B)/2 + (D_a-D_b)(e_B-e_A)/4 \f$.
 ///       The paper prints (000-14) with the opposite sign; substituting its own (000-13) gives
 ///       this.
-///   (3) \f$ \mathrm{var}\,\hat\tau = \sigma_t^2 (1 + f^2 + (1-f)^2)/4,\ f =
-///   (D_a+R_b)/(R_a+R_b+D_a+D_b)
-///       \f$ for (1), with the three receptions noisy: 3σt²/8 at equal replies;
-///       \f$ 3\sigma_t^2/8 \f$ for (2) at any.
+///   (3) \f$ \mathrm{var}\,\hat\tau = \sigma_t^2 (1 + f^2 + (1-f)^2)/4 \f$ for (1), with the three
+///       receptions noisy and \f$ f = (D_a+R_b)/(R_a+R_b+D_a+D_b) \f$: 3σt²/8 at equal replies,
+///       σt²/2 at the most unequal; 3σt²/8 for (2) at any.
 ///   (4) \f$ \delta = (y - x)/(R_a + D_a) \f$, ≈ eB − eA, for nothing.
 ///
 /// Products are never formed in floating point: x, y < 2^25 and intervals < 2^38 ticks (4.3 s) keep

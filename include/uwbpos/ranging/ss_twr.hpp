@@ -9,9 +9,9 @@
 ///   (3) \f$ \mathrm{var}\,\hat\tau = \sigma_t^2/2 + (D_b \sigma_\delta/2)^2 \f$: both receptions
 ///       are noisy, transmissions are scheduled.
 ///
-/// (1) is exact up to the scale 1 + eA for δ = (eB − eA)/(1 + eB). A rate
-/// counted in A's time, as a `RateTracker` counts it, is larger by δ²; 0.24 mm per millisecond of
-/// reply at 40 ppm. For replies beyond that give δ/(1 + δ).
+/// (1) is exact up to the scale 1 + eA for δ = (eB − eA)/(1 + eB). A rate counted in A's time, as a
+/// `RateTracker` counts it, is larger by δ²: 0.24 mm of range per millisecond of reply at 40 ppm.
+/// For replies of many milliseconds give δ/(1 + δ).
 ///
 /// \f$ R_a - D_b \f$ is an integer. A float δ is a 24-bit integer m·2^e, so \f$ \delta D_b \f$ —
 /// 48 km of light path after 4 s at 80 ppm — is m·D_b, exact in 64 bits; only what is left after
