@@ -3,8 +3,9 @@
 
 #include <cmath>
 #include <exception>
-#include <map>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -60,10 +61,37 @@ CLI::Validator finite() {
                         "", "finite"};
 }
 
+CLI::Validator not_negative() {
+  return CLI::Validator{[](std::string& text) -> std::string {
+                          const double value = std::strtod(text.c_str(), nullptr);
+                          return value >= 0 ? "" : "expected zero or more, got " + text;
+                        },
+                        "", "not negative"};
+}
+
+// An option that names one of a few things.
+template <class T>
+void add_choice(CLI::App& app, const std::string& option, T& value, const std::string& description,
+                std::vector<std::pair<std::string, T>> choices) {
+  std::string names;
+  for (const auto& [name, meaning] : choices) names += (names.empty() ? "" : "|") + name;
+  app.add_option_function<std::string>(
+         option,
+         [&value, choices, names, option](const std::string& text) {
+           for (const auto& [name, meaning] : choices) {
+             if (name != text) continue;
+             value = meaning;
+             return;
+           }
+           throw CLI::ValidationError{option, fmt::format("expected {}, got {}", names, text)};
+         },
+         description)
+      ->type_name(names);
+}
+
 struct Arguments {
   Settings settings;
   double height = 0;
-  int dim = 0;
   double epoch_window = 0;
   std::vector<double> prior;
 };
@@ -106,19 +134,18 @@ void add_inputs(CLI::App& app, Arguments& a) {
 void add_solving(CLI::App& app, Arguments& a) {
   Settings& s = a.settings;
   app.add_option("--bias", s.bias, "bias of each link (CSV, from calibrate)")->type_name("FILE");
-  app.add_option("--dim", a.dim,
-                 "2: in the plane, 3: in space (default: 2 with --height or when all anchors are "
-                 "equally high, else 3)")
-      ->type_name("2|3")
-      ->check(CLI::IsMember({2, 3}));
+  add_choice<std::optional<int>>(
+      app, "--dim", s.dim,
+      "2: in the plane, 3: in space (default: 2 with --height or when all anchors are equally "
+      "high, else 3)",
+      {{"2", 2}, {"3", 3}});
   app.add_option("--epoch-window", a.epoch_window,
                  "readings within this time are solved together [s] (default: from the log)")
       ->type_name("S")
-      ->check(CLI::NonNegativeNumber);
-  const std::map<std::string, Side> sides{{"above", Side::kAbove}, {"below", Side::kBelow}};
-  app.add_option("--side", s.side, "in space: the tags are above or below the plane of the anchors")
-      ->type_name("above|below")
-      ->transform(CLI::CheckedTransformer(sides).description(""));
+      ->check(not_negative());
+  add_choice<Side>(app, "--side", s.side,
+                   "in space: the tags are above or below the plane of the anchors",
+                   {{"above", Side::kAbove}, {"below", Side::kBelow}});
   app.add_option("--prior", a.prior,
                  "where the tags start, roughly [m]; settles mirror images before the first "
                  "position is known")
@@ -140,7 +167,6 @@ void settle(const CLI::App& app, Arguments& a) {
 void settle_solving(const CLI::App& app, Arguments& a) {
   settle(app, a);
   Settings& s = a.settings;
-  if (app.count("--dim") > 0) s.dim = a.dim;
   if (app.count("--epoch-window") > 0) s.epoch_window = a.epoch_window;
   if (!a.prior.empty()) {
     s.prior = Vec3{a.prior[0], a.prior[1], a.prior.size() > 2 ? a.prior[2] : 0};
@@ -162,23 +188,20 @@ void add_simulation(CLI::App& app, SimulateSettings& s) {
       ->type_name("N")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
-  const std::map<std::string, sim::Placement> placements{{"axes", sim::Placement::Axes},
-                                                         {"corners", sim::Placement::Corners},
-                                                         {"edges", sim::Placement::Edges},
-                                                         {"perimeter", sim::Placement::Perimeter},
-                                                         {"grid", sim::Placement::Grid}};
-  app.add_option("--placement", s.placement, "where the anchors hang (default: perimeter)")
-      ->type_name("axes|corners|edges|perimeter|grid")
-      ->transform(CLI::CheckedTransformer(placements).description(""));
+  add_choice<sim::Placement>(app, "--placement", s.placement,
+                             "where the anchors hang (default: perimeter)",
+                             {{"axes", sim::Placement::Axes},
+                              {"corners", sim::Placement::Corners},
+                              {"edges", sim::Placement::Edges},
+                              {"perimeter", sim::Placement::Perimeter},
+                              {"grid", sim::Placement::Grid}});
   app.add_option("--second-height", s.other_height,
                  "height of every second anchor [m] (default: as the others)")
       ->type_name("H")
       ->check(finite());
-  const std::map<std::string, PathShape> shapes{
-      {"lawn", PathShape::kLawn}, {"circle", PathShape::kCircle}, {"stops", PathShape::kStops}};
-  app.add_option("--path", s.path, "how the robot moves (default: lawn)")
-      ->type_name("lawn|circle|stops")
-      ->transform(CLI::CheckedTransformer(shapes).description(""));
+  add_choice<PathShape>(
+      app, "--path", s.path, "how the robot moves (default: lawn)",
+      {{"lawn", PathShape::kLawn}, {"circle", PathShape::kCircle}, {"stops", PathShape::kStops}});
   app.add_option("--speed", s.speed, "of the robot [m/s]")
       ->type_name("V")
       ->check(above_zero())
@@ -191,13 +214,11 @@ void add_simulation(CLI::App& app, SimulateSettings& s) {
       ->type_name("N")
       ->check(CLI::Range(1, sim::kMaxTags))
       ->capture_default_str();
-  const std::map<std::string, RadioModel> radios{{"ideal", RadioModel::kIdeal},
-                                                 {"dw1000", RadioModel::kDw1000},
-                                                 {"dw3000", RadioModel::kDw3000},
-                                                 {"delivery-robot", RadioModel::kDeliveryRobot}};
-  app.add_option("--radio", s.radio, "clocks, noise and reply times (default: dw1000)")
-      ->type_name("ideal|dw1000|dw3000|delivery-robot")
-      ->transform(CLI::CheckedTransformer(radios).description(""));
+  add_choice<RadioModel>(app, "--radio", s.radio, "clocks, noise and reply times (default: dw1000)",
+                         {{"ideal", RadioModel::kIdeal},
+                          {"dw1000", RadioModel::kDw1000},
+                          {"dw3000", RadioModel::kDw3000},
+                          {"delivery-robot", RadioModel::kDeliveryRobot}});
   app.add_option("--rate", s.rate, "epochs in a second")
       ->type_name("HZ")
       ->check(above_zero())

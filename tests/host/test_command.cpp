@@ -41,10 +41,10 @@ TEST_CASE("A position from two files, and what programs read of it") {
                     files.write("r.csv", kRanges), "--height", "1", "--out", files.path("out")}) ==
           kSuccess);
   const Json summary = summary_of(files);
-  CHECK(summary.at("epochs") == 2);
-  CHECK(summary.at("solved") == 2);
-  CHECK(summary.at("rejected") == Json::object());
-  CHECK(summary.at("solves_per_second") > 0);
+  CHECK(summary.at("epochs").get<double>() == 2);
+  CHECK(summary.at("solved").get<double>() == 2);
+  CHECK(summary.at("rejected").empty());
+  CHECK(summary.at("solves_per_second").get<double>() > 0);
   CHECK_FALSE(summary.contains("error_m"));
   std::istringstream track{files.read("out/track.tum")};
   std::string comment;
@@ -54,7 +54,8 @@ TEST_CASE("A position from two files, and what programs read of it") {
   double x = 0;
   double y = 0;
   double z = 0;
-  REQUIRE(track >> t >> x >> y >> z);
+  track >> t >> x >> y >> z;
+  REQUIRE(track);
   // The ranges are rounded to 0.1 mm.
   CHECK(x == doctest::Approx(3).epsilon(1e-3));
   CHECK(y == doctest::Approx(2).epsilon(1e-3));
@@ -149,9 +150,9 @@ TEST_CASE("A malformed row is skipped and counted, and with --strict ends the ru
                                               "1",        "--out",     files.path("out")};
   CHECK(run_with(arguments) == kSuccess);
   const Json summary = summary_of(files);
-  CHECK(summary.at("solved") == 2);
-  CHECK(summary.at("input").at("malformed_rows").at(ranges) == 1);
-  CHECK(summary.at("unknown_anchors").at("99") == 1);
+  CHECK(summary.at("solved").get<double>() == 2);
+  CHECK(summary.at("input").at("malformed_rows").at(ranges).get<int>() == 1);
+  CHECK(summary.at("unknown_anchors").at("99").get<double>() == 1);
   auto strict = arguments;
   strict.push_back("--strict");
   CHECK(run_with(strict) == kBadInput);
@@ -192,7 +193,7 @@ TEST_CASE(
     const Json summary = summary_of(files);
     CHECK(summary.at("solved").get<double>() > 0.99 * summary.at("epochs").get<double>());
     // 2.8 cm of noise a range, eight anchors around: 2 cm; the tag moves 3 cm within an epoch.
-    CHECK(summary.at("error_m").at("rmse") < 0.05);
+    CHECK(summary.at("error_m").at("rmse").get<double>() < 0.05);
   }
   REQUIRE(run_with({"calibrate", "--anchors", files.path("anchors.csv"), "--tags",
                     files.path("tags.csv"), "--twr", files.path("twr.csv"), "--truth",
@@ -201,7 +202,7 @@ TEST_CASE(
       run_with({"replay", "--anchors", files.path("anchors.csv"), "--tags", files.path("tags.csv"),
                 "--twr", files.path("twr.csv"), "--truth", files.path("truth.tum"), "--height", "1",
                 "--bias", files.path("out/bias.csv"), "--out", files.path("out")}) == kSuccess);
-  CHECK(summary_of(files).at("error_m").at("rmse") < 0.05);
+  CHECK(summary_of(files).at("error_m").at("rmse").get<double>() < 0.05);
 }
 
 TEST_CASE("Without gnuplot everything is written, and the report says what is missing") {
@@ -214,7 +215,7 @@ TEST_CASE("Without gnuplot everything is written, and the report says what is mi
                 files.write("r.csv", kRanges), "--height", "1", "--out", files.path("out")});
   setenv("PATH", before.c_str(), 1);
   CHECK(code == kSuccess);
-  CHECK(summary_of(files).at("solved") == 2);
+  CHECK(summary_of(files).at("solved").get<double>() == 2);
   const std::string report = files.read("out/report.html");
   CHECK(report.find("gnuplot could not be run") != std::string::npos);
   CHECK(report.find("<svg") == std::string::npos);
@@ -261,15 +262,15 @@ TEST_CASE("lias: a drive to 0.165 m as measured, to 0.062 m once calibrated stan
   };
   REQUIRE(run_with(arguments("replay", "mid")) == kSuccess);
   Json summary = summary_of(files);
-  CHECK(summary.at("epochs") == 3600);
-  CHECK(summary.at("solved") == 3600);
-  CHECK(summary.at("error_m").at("rmse_xy") <= 0.165);
+  CHECK(summary.at("epochs").get<double>() == 3600);
+  CHECK(summary.at("solved").get<double>() == 3600);
+  CHECK(summary.at("error_m").at("rmse_xy").get<double>() <= 0.165);
   REQUIRE(run_with(arguments("calibrate", "static")) == kSuccess);
   auto calibrated = arguments("replay", "mid");
   calibrated.insert(calibrated.end(), {"--bias", files.path("out/bias.csv")});
   REQUIRE(run_with(calibrated) == kSuccess);
   summary = summary_of(files);
-  CHECK(summary.at("error_m").at("rmse_xy") <= 0.062);
+  CHECK(summary.at("error_m").at("rmse_xy").get<double>() <= 0.062);
   CHECK(summary.at("tags").size() == 3);
 }
 
@@ -286,15 +287,16 @@ TEST_CASE("hanyang: raw 32-bit stamps alone beat the module's own ranges") {
     REQUIRE(run_with({"replay", "--twr", *hanyang / c.log, "--out", files.path("out")}) ==
             kSuccess);
     const Json ranges = summary_of(files).at("ranges");
-    CHECK(ranges.at("counter_bits") == 32);
+    CHECK(ranges.at("counter_bits").get<double>() == 32);
     const Json error = ranges.at("error_m");
-    CHECK(error.at("count") > 0.97 * ranges.at("exchanges").get<double>());
-    CHECK(error.at("median") <= c.median);
-    CHECK(error.at("median") <= error.at("logged").at("median"));
+    CHECK(error.at("count").get<double>() > 0.97 * ranges.at("exchanges").get<double>());
+    CHECK(error.at("median").get<double>() <= c.median);
+    CHECK(error.at("median").get<double>() <= error.at("logged").at("median").get<double>());
     // Pooled over all distances the spread holds what differs between places, not the noise: see
     // tests/ranging/test_hanyang.cpp.
-    CHECK(error.at("spread_at_one_distance") <= error.at("logged").at("spread_at_one_distance"));
-    CHECK(error.at("beyond_0.6_m") < 0.01);
+    CHECK(error.at("spread_at_one_distance").get<double>() <=
+          error.at("logged").at("spread_at_one_distance").get<double>());
+    CHECK(error.at("beyond_0.6_m").get<double>() < 0.01);
     // 0.34 m mean as the recording's authors have it.
     CHECK(error.at("uncorrected").at("mean").get<double>() == doctest::Approx(0.337).epsilon(0.02));
   }
