@@ -13,14 +13,13 @@
 
 namespace uwbpos {
 
-/// Dilutions of precision, without unit. `gdop` counts every unknown; ranges have no unknown but
-/// the position, so theirs equals `pdop`. In the plane `hdop` = `pdop` and `vdop` = 0.
+/// Dilutions of precision, without unit. In the plane `hdop` = `pdop` and `vdop` = 0.
 template <class S>
 struct Dop {
-  S gdop;
-  S pdop;
-  S hdop;
-  S vdop;
+  S gdop;  ///< of every unknown; ranges have none but the position, so theirs equals `pdop`
+  S pdop;  ///< of the position
+  S hdop;  ///< of x and y
+  S vdop;  ///< of z
 };
 
 /// Dilutions for ranges to `anchors`, any contiguous range of Vec<S, D> [m], seen from `position`

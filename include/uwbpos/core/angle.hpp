@@ -23,11 +23,13 @@ template <class S>
   return wrap_angle(to - from);
 }
 
+/// Degrees in radians.
 template <class S>
 [[nodiscard]] constexpr S degrees_to_radians(S degrees) {
   return degrees * (std::numbers::pi_v<S> / S(180));
 }
 
+/// Radians in degrees.
 template <class S>
 [[nodiscard]] constexpr S radians_to_degrees(S radians) {
   return radians * (S(180) / std::numbers::pi_v<S>);

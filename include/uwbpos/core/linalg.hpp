@@ -66,6 +66,7 @@ template <class S, int D>
 template <class S, int D>
 class Ldlt {
  public:
+  /// Factors `a`; ask `positive_definite` before anything else.
   explicit Ldlt(const Mat<S, D>& a) {
     // A pivot that has lost all its digits to the subtraction is rounding noise, and digits that
     // an earlier pivot has lost are missing from the later ones too.

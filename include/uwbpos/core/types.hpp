@@ -19,44 +19,40 @@ using Mat = Eigen::Matrix<S, D, D>;
 /// A scalar and the variance of its error, in the value's unit squared.
 template <class S>
 struct Measured {
-  S value;
-  S variance;
+  S value;     ///< the estimate
+  S variance;  ///< of its error
 };
 
 /// A solved position in the anchors' frame.
-/// `position` [m]; `covariance` [m²] of its error; `chi_squared`: the sum of squared normalised
-/// residuals at the solution; `degrees_of_freedom`: measurements − unknowns, what `chi_squared`
-/// should be near.
 template <class S, int D>
 struct Fix {
-  Vec<S, D> position;
-  Mat<S, D> covariance;
-  S chi_squared;
-  int degrees_of_freedom;
+  Vec<S, D> position;      ///< [m]
+  Mat<S, D> covariance;    ///< of the position's error [m²]
+  S chi_squared;           ///< sum of the squared normalised residuals at the solution
+  int degrees_of_freedom;  ///< measurements − unknowns, what `chi_squared` should be near
 };
 
 /// Two points that explain the same measurements, equal when there is one answer.
 template <class S, int D>
 struct Mirror {
-  Vec<S, D> first;
-  Vec<S, D> second;
+  Vec<S, D> first;   ///< [m]
+  Vec<S, D> second;  ///< [m]
 };
 
-/// A planar pose: `position` [m], `heading` [rad] from +x counter-clockwise in (−π, π],
-/// `covariance` of (x, y, heading) [m², m·rad, rad²].
+/// A planar pose.
 template <class S>
 struct Pose2 {
-  Vec<S, 2> position;
-  S heading;
-  Mat<S, 3> covariance;
+  Vec<S, 2> position;    ///< [m]
+  S heading;             ///< from +x counter-clockwise, in (−π, π] [rad]
+  Mat<S, 3> covariance;  ///< of (x, y, heading) [m², m·rad, rad²]
 };
 
-/// A range to a known point: `anchor` and `range` [m], `sigma` its standard deviation [m].
+/// A range to a known point.
 template <class S, int D>
 struct RangeTo {
-  Vec<S, D> anchor;
-  S range;
-  S sigma = S(0.1);
+  Vec<S, D> anchor;  ///< where the point is [m]
+  S range;           ///< distance to it, as measured [m]
+  S sigma = S(0.1);  ///< standard deviation of the range [m]
 };
 
 }  // namespace uwbpos

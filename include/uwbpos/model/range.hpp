@@ -9,11 +9,12 @@
 
 namespace uwbpos {
 
-/// A predicted range [m] and its gradient with respect to the position, the unit vector from the
-/// anchor to the position. At the anchor itself the gradient does not exist and is zero.
+/// A predicted range and its gradient with respect to the position.
 template <class S, int D>
 struct RangePrediction {
-  S range;
+  S range;  ///< [m]
+  /// The unit vector from the anchor to the position; zero at the anchor itself, where there is
+  /// none.
   Vec<S, D> gradient;
 };
 

@@ -23,10 +23,11 @@ namespace uwbpos {
 template <class T>
 struct RangeToTraits {};
 
+/// Those of a `RangeTo<S, D>`.
 template <class S, int D>
 struct RangeToTraits<RangeTo<S, D>> {
-  using Scalar = S;
-  static constexpr int kDimension = D;
+  using Scalar = S;                     ///< float or double
+  static constexpr int kDimension = D;  ///< of the space
 };
 
 /// A contiguous, sized range of `RangeTo<S, D>` with D = 2 or 3.
@@ -36,10 +37,12 @@ concept RangeSet =
     (RangeToTraits<std::remove_cv_t<std::ranges::range_value_t<R>>>::kDimension == 2 ||
      RangeToTraits<std::remove_cv_t<std::ranges::range_value_t<R>>>::kDimension == 3);
 
+/// S of a range of `RangeTo<S, D>`.
 template <RangeSet R>
 using RangeSetScalar =
     typename RangeToTraits<std::remove_cv_t<std::ranges::range_value_t<R>>>::Scalar;
 
+/// D of a range of `RangeTo<S, D>`.
 template <RangeSet R>
 inline constexpr int kRangeSetDimension =
     RangeToTraits<std::remove_cv_t<std::ranges::range_value_t<R>>>::kDimension;
@@ -48,6 +51,7 @@ inline constexpr int kRangeSetDimension =
 template <class S, int D>
 using RangeSpan = std::span<const RangeTo<S, D>>;
 
+/// The one type that the solvers' insides take. O(1).
 template <RangeSet R>
 [[nodiscard]] constexpr auto as_range_span(const R& ranges) {
   return RangeSpan<RangeSetScalar<R>, kRangeSetDimension<R>>{std::ranges::data(ranges),

@@ -17,13 +17,14 @@
 
 namespace uwbpos {
 
-/// What the caller knows that tells mirror images apart; either may be left out.
-/// `side`: a direction in which the tag lies from the anchors, e.g. (0, 0, −1) below a ceiling;
-/// its length does not matter, zero says nothing. `prior`: a position nearer to the tag than to its
-/// mirror image [m], such as the previous fix. Where both are given the side decides.
+/// What the caller knows that tells mirror images apart; either may be left out. Where both are
+/// given the side decides.
 template <class S, int D>
 struct LocateOptions {
+  /// A direction in which the tag lies from the anchors, e.g. (0, 0, −1) below a ceiling; its
+  /// length does not matter, zero says nothing.
   Vec<S, D> side = Vec<S, D>::Zero();
+  /// A position nearer to the tag than to its mirror image [m], such as the previous fix.
   std::optional<Vec<S, D>> prior = std::nullopt;
 };
 

@@ -22,21 +22,23 @@
 
 namespace uwbpos {
 
-/// `initial`: where to start [m]; without it, the closed form. `max_iterations`: most evaluations
-/// of (1) before Error::NotConverged; from the closed form two or three suffice.
+/// Where the descent starts and when it gives up.
 template <class S, int D>
 struct LeastSquaresOptions {
+  /// Where to start [m]; without it, the closed form.
   std::optional<Vec<S, D>> initial = std::nullopt;
+  /// Most evaluations of (1) before Error::NotConverged; from the closed form two or three
+  /// suffice.
   int max_iterations = 30;
 };
 
-/// Knowledge about one direction that ranges alone leave open: `direction` · (p − `point`) is zero
-/// with this `information` [1/m²]. Zero information: nothing is known.
+/// Knowledge about one direction that ranges alone leave open: `direction` · (p − `point`) is zero,
+/// with `information`.
 template <class S, int D>
 struct DirectionPrior {
-  Vec<S, D> point = Vec<S, D>::Zero();
-  Vec<S, D> direction = Vec<S, D>::Zero();
-  S information = S(0);
+  Vec<S, D> point = Vec<S, D>::Zero();      ///< [m]
+  Vec<S, D> direction = Vec<S, D>::Zero();  ///< unit length
+  S information = S(0);                     ///< 1/variance [1/m²]; zero: nothing is known
 };
 
 /// (1) and (2) at one position, relative to a centre.
@@ -83,9 +85,9 @@ template <class S, int D>
 /// Where the descent from one start ended, relative to the centre, and J there.
 template <class S, int D>
 struct Descent {
-  Vec<S, D> position;
-  Mat<S, D> information;
-  S chi_squared;  ///< before the last, negligible step
+  Vec<S, D> position;     ///< relative to the centre [m]
+  Mat<S, D> information;  ///< J there [1/m²]
+  S chi_squared;          ///< before the last, negligible step
 };
 
 /// Descends (1) from `start` to the minimum in whose basin it lies. All relative to `center`;

@@ -123,9 +123,9 @@ template <class S, int D>
 /// \f[ \chi^2(\tau) = i (\tau - \tau_0)^2 + (\tau^2 - q)^2 / v. \qquad (2) \f]
 template <class S>
 struct RootChoice {
-  S likely;  ///< τ near the lowest minimum of (2) [m]
-  S other;   ///< τ near the other minimum [m]; meaningless without `two_minima`
-  bool two_minima;
+  S likely;         ///< τ near the lowest minimum of (2) [m]
+  S other;          ///< τ near the other minimum [m]; meaningless without `two_minima`
+  bool two_minima;  ///< false when (2) has one
 };
 
 /// The minima of (2), each by two Newton steps. O(1), no allocation. Flat anchors have both roots.
