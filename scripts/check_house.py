@@ -174,6 +174,17 @@ def check_links(path, text):
             fault(path, text.count("\n", 0, match.start()) + 1, f"dead link: {match.group(1)}")
 
 
+def check_features():
+    """The feature table names files that exist."""
+    table = ROOT / "docs" / "features.md"
+    folders = (None, None, INCLUDE / "uwbpos", ROOT / "tests", ROOT / "bench", ROOT / "examples")
+    for number, line in enumerate(text_of(table).splitlines(), 1):
+        for folder, cell in zip(folders, line.split("|")):
+            for name in re.findall(r"`([^`]+)`", cell) if folder else []:
+                if not (folder / name).exists():
+                    fault(table, number, f"no such file: {(folder / name).relative_to(ROOT)}")
+
+
 def main():
     paths = files()
     headers = sorted((INCLUDE / "uwbpos").rglob("*.hpp"))
@@ -181,6 +192,7 @@ def main():
     check_headers(headers)
     check_umbrella(headers)
     check_version(paths)
+    check_features()
     check_texts(paths)
     print("\n".join(faults) if faults else f"house rules: {len(paths)} files, no fault")
     return 1 if faults else 0
