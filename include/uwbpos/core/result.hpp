@@ -19,6 +19,7 @@ enum class Error : std::uint8_t {
   InvalidOption,
   // The set of measurements.
   NegativeRange,
+  ImpossibleDifference,
   TooFewMeasurements,
   TooManyMeasurements,
   // Geometry.
@@ -62,6 +63,8 @@ inline constexpr int kErrorCount = static_cast<int>(Error::InvalidTable) + 1;
       return "an option lies outside its domain";
     case Error::NegativeRange:
       return "a range is negative beyond its noise";
+    case Error::ImpossibleDifference:
+      return "a range difference exceeds its anchors' distance beyond noise";
     case Error::TooFewMeasurements:
       return "too few measurements for the unknowns";
     case Error::TooManyMeasurements:

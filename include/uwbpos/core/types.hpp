@@ -55,4 +55,21 @@ struct RangeTo {
   S sigma = S(0.1);  ///< standard deviation of the range [m]
 };
 
+/// A range difference against a reference that others share: |p − `anchor`| − |p − reference| [m].
+template <class S, int D>
+struct DifferenceTo {
+  Vec<S, D> anchor;
+  S difference;
+};
+
+/// A range difference of any two anchors: |p − `anchor_b`| − |p − `anchor_a`| [m], `sigma` the
+/// standard deviation of the difference [m].
+template <class S, int D>
+struct PairDifference {
+  Vec<S, D> anchor_a;
+  Vec<S, D> anchor_b;
+  S difference;
+  S sigma = S(0.15);
+};
+
 }  // namespace uwbpos
