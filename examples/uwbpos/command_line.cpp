@@ -119,11 +119,11 @@ void add_inputs(CLI::App& app, Arguments& a) {
       ->check(above_zero())
       ->capture_default_str();
   app.add_option("--counter-bits", s.counter_bits,
-                 "width of the counter in --twr, 24 to 40 (default: 32 or 40, found from the log)")
+                 "width of the counter in --twr, 24 to 40\n(default: 32 or 40, found from the log)")
       ->type_name("N")
-      ->check(CLI::Range(24u, 40u));
+      ->check(CLI::Range(24u, 40u).description(""));
   app.add_option("--power-bias", s.power_bias,
-                 "range bias by received power (CSV: power_dbm,bias_m), is subtracted")
+                 "range bias by received power, is subtracted\n(CSV: power_dbm,bias_m)")
       ->type_name("FILE");
   app.add_option("--out", s.out, "directory for the results")
       ->type_name("DIR")
@@ -134,20 +134,19 @@ void add_inputs(CLI::App& app, Arguments& a) {
 void add_solving(CLI::App& app, Arguments& a) {
   Settings& s = a.settings;
   app.add_option("--bias", s.bias, "bias of each link (CSV, from calibrate)")->type_name("FILE");
-  add_choice<std::optional<int>>(
-      app, "--dim", s.dim,
-      "2: in the plane, 3: in space (default: 2 with --height or when all anchors are equally "
-      "high, else 3)",
-      {{"2", 2}, {"3", 3}});
+  add_choice<std::optional<int>>(app, "--dim", s.dim,
+                                 "2: in the plane, 3: in space (default: 2 with\n--height or when "
+                                 "all anchors are equally high,\nelse 3)",
+                                 {{"2", 2}, {"3", 3}});
   app.add_option("--epoch-window", a.epoch_window,
-                 "readings within this time are solved together [s] (default: from the log)")
+                 "readings within this time are solved together [s]\n(default: from the log)")
       ->type_name("S")
       ->check(not_negative());
   add_choice<Side>(app, "--side", s.side,
-                   "in space: the tags are above or below the plane of the anchors",
+                   "in space: the tags are above or below the plane\nof the anchors",
                    {{"above", Side::kAbove}, {"below", Side::kBelow}});
   app.add_option("--prior", a.prior,
-                 "where the tags start, roughly [m]; settles mirror images before the first "
+                 "where the tags start, roughly [m]; settles mirror\nimages before the first "
                  "position is known")
       ->type_name("X,Y[,Z]")
       ->delimiter(',')
@@ -186,7 +185,7 @@ void add_simulation(CLI::App& app, SimulateSettings& s) {
       ->check(finite());
   app.add_option("--anchor-count", s.anchors, "how many anchors, up to 64")
       ->type_name("N")
-      ->check(CLI::Range(1, 64))
+      ->check(CLI::Range(1, 64).description(""))
       ->capture_default_str();
   add_choice<sim::Placement>(app, "--placement", s.placement,
                              "where the anchors hang (default: perimeter)",
@@ -212,7 +211,7 @@ void add_simulation(CLI::App& app, SimulateSettings& s) {
       ->capture_default_str();
   app.add_option("--tag-count", s.tags, "tags on the robot, 0.3 m from its centre if several")
       ->type_name("N")
-      ->check(CLI::Range(1, sim::kMaxTags))
+      ->check(CLI::Range(1, sim::kMaxTags).description(""))
       ->capture_default_str();
   add_choice<RadioModel>(app, "--radio", s.radio, "clocks, noise and reply times (default: dw1000)",
                          {{"ideal", RadioModel::kIdeal},
@@ -225,11 +224,11 @@ void add_simulation(CLI::App& app, SimulateSettings& s) {
       ->capture_default_str();
   app.add_option("--blocked", s.blocked, "share of the time that a link is blocked")
       ->type_name("P")
-      ->check(CLI::Range(0.0, 1.0))
+      ->check(CLI::Range(0.0, 1.0).description(""))
       ->capture_default_str();
   app.add_option("--loss", s.loss, "probability that a message is lost")
       ->type_name("P")
-      ->check(CLI::Range(0.0, 1.0))
+      ->check(CLI::Range(0.0, 1.0).description(""))
       ->capture_default_str();
 }
 

@@ -87,7 +87,8 @@ std::vector<std::string> diagnose(const Replay& replay,
   const double typical = worst_first[worst_first.size() / 2].rms;
   const std::string_view against =
       replay.residuals_to_truth ? "against the truth" : "against the solved positions";
-  if (worst.rms > kStandsOut * typical) {
+  const bool stands_out = worst.rms > kStandsOut * typical;
+  if (stands_out) {
     said.push_back(
         fmt::format("Anchor {} is the worst: its ranges are off by {:.3f} m rms {}, a "
                     "typical anchor's by {:.3f} m.",
@@ -98,7 +99,9 @@ std::vector<std::string> diagnose(const Replay& replay,
                     "{:.3f} m rms {}, a typical anchor's by {:.3f} m.",
                     worst.anchor, worst.rms, against, typical));
   }
-  said.push_back(cause(worst, replay));
+  const bool calibration_helps =
+      replay.residuals_to_truth && std::abs(worst.bias) > std::max(worst.spread, 0.01);
+  if (stands_out || calibration_helps) said.push_back(cause(worst, replay));
 
   std::size_t most = 0;
   for (const AnchorQuality& quality : worst_first) most = std::max(most, quality.readings);

@@ -155,10 +155,15 @@ template <class Groups>
 std::optional<double> mean_spread(const Groups& groups) {
   constexpr std::size_t enough = 5;
   std::vector<double> spreads;
+  std::size_t grouped = 0;
+  std::size_t count = 0;
   for (const auto& [key, errors] : groups) {
-    if (errors.size() >= enough) spreads.push_back(robust_spread(errors));
+    count += errors.size();
+    if (errors.size() < enough) continue;
+    grouped += errors.size();
+    spreads.push_back(robust_spread(errors));
   }
-  if (spreads.empty()) return std::nullopt;
+  if (spreads.empty() || 2 * grouped < count) return std::nullopt;  // the tag moved
   return mean(spreads);
 }
 

@@ -186,7 +186,7 @@ std::string range_section(const Ranging& ranging) {
 
 std::string lead(const Settings& settings, const Recording& recording, const Replay& replay) {
   std::string text = count_of(recording.readings.size(), "range");
-  if (recording.seconds > 0) text += fmt::format(" over {:.1f} s", recording.seconds);
+  if (recording.seconds > 0) text += fmt::format(" over {:.6g} s", recording.seconds);
   if (replay.all.epochs > 0) {
     text += fmt::format(", {}, {}", count_of(recording.site.anchors.size(), "anchor"),
                         count_of(replay.of_tag.size(), "tag"));

@@ -169,7 +169,7 @@ std::string summary_table(const Settings& settings, const Recording& recording,
   const std::string grouped = replay.rule.window > 0
                                   ? fmt::format("an epoch lasts up to {:.4g} s", replay.rule.window)
                                   : std::string{"an epoch is one time stamp"};
-  std::string text = fmt::format("{}: {}, {:.1f} s, {}; solved {}; {}\n\n", recording.log.string(),
+  std::string text = fmt::format("{}: {}, {:.6g} s, {}; solved {}; {}\n\n", recording.log.string(),
                                  count_of(recording.readings.size(), "range"), recording.seconds,
                                  count_of(recording.site.anchors.size(), "anchor"), where, grouped);
   text += fmt::format("{:<10}{:>9}{:>9}", "", "epochs", "solved");
