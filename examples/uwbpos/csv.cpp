@@ -106,7 +106,7 @@ std::vector<int> find_columns(const std::filesystem::path& file, std::size_t lin
                               const std::vector<std::string>& names) {
   std::vector<int> places;
   for (const Column& column : columns) {
-    const auto found = std::find(names.begin(), names.end(), column.name);
+    const auto found = std::ranges::find(names, column.name);
     if (found == names.end() && column.required) {
       std::string hint;
       if (names.size() == 1 && names[0].find(';') != std::string::npos) {

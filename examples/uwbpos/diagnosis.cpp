@@ -20,13 +20,13 @@ AnchorQuality quality_of(Id anchor, std::vector<double> residuals) {
   quality.readings = residuals.size();
   quality.rms = root_mean_square(residuals);
   quality.spread = robust_spread(residuals);
-  std::sort(residuals.begin(), residuals.end());
+  std::ranges::sort(residuals);
   for (const double fraction : {0.05, 0.25, 0.5, 0.75, 0.95}) {
     quality.quantiles.push_back(quantile_of_sorted(residuals, fraction));
   }
   quality.bias = quality.quantiles[2];
   const double limit = std::max(4 * quality.spread, 0.2);
-  const auto outliers = std::count_if(residuals.begin(), residuals.end(), [&](double residual) {
+  const auto outliers = std::ranges::count_if(residuals, [&](double residual) {
     return std::abs(residual - quality.bias) > limit;
   });
   quality.outlier_share = static_cast<double>(outliers) / static_cast<double>(residuals.size());
@@ -74,7 +74,7 @@ std::vector<AnchorQuality> anchor_qualities(const Replay& replay) {
   for (auto& [anchor, residuals] : of_anchor) {
     qualities.push_back(quality_of(anchor, std::move(residuals)));
   }
-  std::stable_sort(qualities.begin(), qualities.end(),
+  std::ranges::stable_sort(qualities,
                    [](const auto& a, const auto& b) { return a.rms > b.rms; });
   return qualities;
 }

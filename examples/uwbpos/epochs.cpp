@@ -85,7 +85,7 @@ Epochs group_epochs(const std::vector<Reading>& readings, const EpochRule& rule)
   }
   for (auto& [tag, open] : open_of_tag) close(closed, open.epoch, open.first);
 
-  std::sort(closed.begin(), closed.end(),
+  std::ranges::sort(closed,
             [](const auto& a, const auto& b) { return a.first < b.first; });
   result.epochs.reserve(closed.size());
   for (auto& [first, epoch] : closed) result.epochs.push_back(std::move(epoch));

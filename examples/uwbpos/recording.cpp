@@ -15,7 +15,7 @@ namespace {
 std::string listed(const std::map<Id, std::size_t>& counts) {
   constexpr std::size_t most = 6;
   std::vector<std::pair<Id, std::size_t>> entries{counts.begin(), counts.end()};
-  std::stable_sort(entries.begin(), entries.end(),
+  std::ranges::stable_sort(entries,
                    [](const auto& a, const auto& b) { return a.second > b.second; });
   std::vector<std::string> words;
   for (const auto& [id, count] : entries) {

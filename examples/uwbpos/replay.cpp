@@ -145,7 +145,7 @@ std::vector<Reading> usable(const Settings& settings, const Site& site,
   kept.reserve(readings.size());
   for (Reading reading : readings) {
     const auto& only = settings.only_tags;
-    if (!only.empty() && std::find(only.begin(), only.end(), reading.tag) == only.end()) continue;
+    if (!only.empty() && std::ranges::find(only, reading.tag) == only.end()) continue;
     if (!site.anchors.contains(reading.anchor)) {
       ++result.unknown_anchors[reading.anchor];
       continue;
@@ -270,7 +270,7 @@ Replay replay(const Settings& given, const Site& site, const std::vector<Reading
   } else {
     solve_all<3>(settings, site, grouped.epochs, result, progress);
   }
-  std::stable_sort(result.track.begin(), result.track.end(),
+  std::ranges::stable_sort(result.track,
                    [](const Position& a, const Position& b) { return a.t < b.t; });
   if (result.residuals_to_truth) {
     const bool flat = result.dim == 2 && !settings.height;

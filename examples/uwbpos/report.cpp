@@ -21,7 +21,7 @@ std::string metres(double value) {
 }
 
 std::string thousands(double value) {
-  if (value >= 1e6) return fmt::format("{:.1f} million", value / 1e6);
+  if (value >= 1e6) return fmt::format("{:.1f} M", value / 1e6);
   if (value >= 1e4) return fmt::format("{:.0f} 000", value / 1e3);
   return fmt::format("{:.0f}", value);
 }
@@ -179,9 +179,18 @@ std::string range_section(const Ranging& ranging) {
   table += range_row("ranged here", score.ours);
   if (score.logged) table += range_row("as the module logged", *score.logged);
   if (score.uncorrected) table += range_row("clocks not corrected", *score.uncorrected);
-  table += "</table></div><p class=\"lead\">Spread: 1.4826 × median absolute deviation.</p>";
-  return figure(range_error_figure(ranging.scored)) +
-         card("Ranges against surveyed distances", table);
+  table += "</table></div><p class=\"note\">Spread: 1.4826 × median absolute deviation.";
+  if (score.spread_at_one_distance) {
+    table += fmt::format(" At one distance, averaged over the distances, it is {:.3f} m here",
+                         *score.spread_at_one_distance);
+    if (score.logged_spread_at_one_distance) {
+      table +=
+          fmt::format(" and {:.3f} m as the module logged", *score.logged_spread_at_one_distance);
+    }
+    table += ": the rest is what differs between distances, such as received power.";
+  }
+  table += "</p>";
+  return figure(range_error_figure(ranging.scored)) + card("Ranges against true distances", table);
 }
 
 std::string lead(const Settings& settings, const Recording& recording, const Replay& replay) {
@@ -202,7 +211,7 @@ std::string lead(const Settings& settings, const Recording& recording, const Rep
   if (replay.all.epochs > 0) {
     return text + ". Each position is solved on its own: nothing is smoothed or filtered.";
   }
-  return text + ", compared with surveyed distances.";
+  return text + ", compared with true distances.";
 }
 
 }  // namespace

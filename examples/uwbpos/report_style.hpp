@@ -45,13 +45,14 @@ p { margin: 0 0 8px; }
 .number span { color: var(--muted); font-size: 0.86rem; }
 .number.first { border-color: var(--accent); }
 .number.first b { color: var(--accent); }
-.grid { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 16px; }
+.grid { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 16px;
+  align-items: start; }
 .card { padding: 16px; margin: 0; min-width: 0; }
 .wide { grid-column: 1 / -1; }
 .column { display: flex; flex-direction: column; gap: 16px; min-width: 0; }
 code { font-size: 0.92em; background: var(--page); border-radius: 4px; padding: 1px 4px; }
 figure svg { display: block; width: 100%; height: auto; }
-figcaption { color: var(--muted); font-size: 0.86rem; margin-top: 6px; }
+figcaption, .note { color: var(--muted); font-size: 0.86rem; margin-top: 6px; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 th, td { padding: 5px 10px 5px 0; text-align: right; border-bottom: 1px solid var(--line);

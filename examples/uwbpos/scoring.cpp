@@ -20,7 +20,7 @@ ErrorSummary summarize_errors(const std::vector<Vec3>& errors, int dim) {
     lengths.push_back(error_length(error, dim));
     in_plane.push_back(error_length(error, 2));
   }
-  std::sort(lengths.begin(), lengths.end());
+  std::ranges::sort(lengths);
   return {errors.size(),
           root_mean_square(lengths),
           mean(lengths),

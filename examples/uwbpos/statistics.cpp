@@ -17,7 +17,7 @@ double quantile_of_sorted(std::span<const double> ascending, double fraction) {
 }
 
 double quantile(std::vector<double> values, double fraction) {
-  std::sort(values.begin(), values.end());
+  std::ranges::sort(values);
   return quantile_of_sorted(values, fraction);
 }
 
@@ -36,7 +36,7 @@ double root_mean_square(std::span<const double> values) {
 }
 
 double robust_spread(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
+  std::ranges::sort(values);
   const double centre = quantile_of_sorted(values, 0.5);
   for (double& value : values) value = std::abs(value - centre);
   constexpr double of_normal = 1.4826;
@@ -49,7 +49,7 @@ SampleSummary summarize(std::vector<double> values, double limit) {
   if (values.empty()) return summary;
   summary.mean = mean(values);
   summary.rms = root_mean_square(values);
-  const auto outliers = std::count_if(values.begin(), values.end(),
+  const auto outliers = std::ranges::count_if(values,
                                       [&](double value) { return std::abs(value) > limit; });
   summary.outlier_share = static_cast<double>(outliers) / static_cast<double>(values.size());
   summary.median = median(values);
