@@ -64,9 +64,9 @@ MethodErrors errors_of(const std::vector<double>& errors) {
 std::optional<std::filesystem::path> find_recordings() {
   std::error_code ignored;
   const char* named = std::getenv("UWBPOS_DATA");
-  const std::filesystem::path folder = named != nullptr && *named != '\0'
-                                           ? std::filesystem::path{named}
-                                           : std::filesystem::path{"../shared/data"};
+  std::filesystem::path folder = named != nullptr && *named != '\0'
+                                     ? std::filesystem::path{named}
+                                     : std::filesystem::path{"../shared/data"};
   if (std::filesystem::is_directory(folder / "lias" / "mid", ignored)) return folder;
   return std::nullopt;
 }

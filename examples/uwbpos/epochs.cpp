@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <limits>
 #include <map>
+#include <utility>
 
 #include "uwbpos/core/constants.hpp"
 
@@ -24,8 +25,7 @@ void close(Placed& closed, Epoch& open, std::size_t first) {
   double sum = 0;
   for (const Reading& reading : open.readings) sum += reading.t - start;
   open.t = start + sum / static_cast<double>(open.readings.size());
-  closed.emplace_back(first, std::move(open));
-  open.readings.clear();
+  closed.emplace_back(first, Epoch{open.tag, open.t, std::exchange(open.readings, {})});
 }
 
 }  // namespace
@@ -85,8 +85,7 @@ Epochs group_epochs(const std::vector<Reading>& readings, const EpochRule& rule)
   }
   for (auto& [tag, open] : open_of_tag) close(closed, open.epoch, open.first);
 
-  std::ranges::sort(closed,
-            [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::ranges::sort(closed, [](const auto& a, const auto& b) { return a.first < b.first; });
   result.epochs.reserve(closed.size());
   for (auto& [first, epoch] : closed) result.epochs.push_back(std::move(epoch));
   return result;

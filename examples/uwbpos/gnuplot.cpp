@@ -12,8 +12,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-extern char** environ;  // POSIX: the environment, to be passed on
-
 namespace uwbpos::host {
 namespace {
 
@@ -66,7 +64,7 @@ std::optional<std::string> run_gnuplot(const std::string& script) {
   const File out{std::tmpfile()};
   if (!in || !out) return std::nullopt;
   if (std::fwrite(script.data(), 1, script.size(), in.get()) != script.size()) return std::nullopt;
-  std::rewind(in.get());
+  (void)std::fseek(in.get(), 0, SEEK_SET);
 
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
@@ -87,7 +85,7 @@ std::optional<std::string> run_gnuplot(const std::string& script) {
 
   std::string svg;
   std::array<char, 4096> buffer{};
-  std::rewind(out.get());
+  (void)std::fseek(out.get(), 0, SEEK_SET);
   for (std::size_t count = 0;
        (count = std::fread(buffer.data(), 1, buffer.size(), out.get())) > 0;) {
     svg.append(buffer.data(), count);

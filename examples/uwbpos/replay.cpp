@@ -252,9 +252,8 @@ double tag_height(double mean_height, const Points& tags, Id tag) {
   return mean_height + lever->second.z() - mean;
 }
 
-Replay replay(const Settings& given, const Site& site, const std::vector<Reading>& readings,
+Replay replay(Settings settings, const Site& site, const std::vector<Reading>& readings,
               const std::function<void(std::size_t, std::size_t)>& progress) {
-  Settings settings = given;
   if (settings.side == Side::kUnknown && settings.height) {
     settings.side = side_of(*settings.height, site.anchors);
   }
@@ -271,7 +270,7 @@ Replay replay(const Settings& given, const Site& site, const std::vector<Reading
     solve_all<3>(settings, site, grouped.epochs, result, progress);
   }
   std::ranges::stable_sort(result.track,
-                   [](const Position& a, const Position& b) { return a.t < b.t; });
+                           [](const Position& a, const Position& b) { return a.t < b.t; });
   if (result.residuals_to_truth) {
     const bool flat = result.dim == 2 && !settings.height;
     residuals_against_truth(site, settings, flat, kept, result);

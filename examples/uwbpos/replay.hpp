@@ -82,7 +82,7 @@ struct Site {
 
 /// Readings must ascend in time. In space a given height tells the side. `progress(done, of)` is
 /// called now and then.
-[[nodiscard]] Replay replay(const Settings& settings, const Site& site,
+[[nodiscard]] Replay replay(Settings settings, const Site& site,
                             const std::vector<Reading>& readings,
                             const std::function<void(std::size_t, std::size_t)>& progress = {});
 

@@ -41,7 +41,7 @@ Rotation slerp(const Rotation& from, const Rotation& to, double fraction) {
 
 Trajectory::Trajectory(std::vector<StampedPose> poses) : poses_{std::move(poses)} {
   std::ranges::stable_sort(poses_,
-                   [](const StampedPose& a, const StampedPose& b) { return a.t < b.t; });
+                           [](const StampedPose& a, const StampedPose& b) { return a.t < b.t; });
   const auto last =
       std::unique(poses_.begin(), poses_.end(),
                   [](const StampedPose& a, const StampedPose& b) { return a.t == b.t; });
@@ -50,8 +50,7 @@ Trajectory::Trajectory(std::vector<StampedPose> poses) : poses_{std::move(poses)
 
 std::optional<StampedPose> Trajectory::at(double t) const {
   if (poses_.empty() || !(t >= poses_.front().t) || !(t <= poses_.back().t)) return std::nullopt;
-  const auto after = std::ranges::lower_bound(poses_, t,
-                                      [](const StampedPose& p, double time) { return p.t < time; });
+  const auto after = std::ranges::lower_bound(poses_, t, {}, &StampedPose::t);
   if (after->t == t) return *after;
   const StampedPose& before = *(after - 1);
   const double fraction = (t - before.t) / (after->t - before.t);
@@ -67,8 +66,7 @@ std::optional<Vec3> Trajectory::point_at(double t, const Vec3& lever_arm) const 
 
 double Trajectory::spacing_at(double t) const {
   if (!at(t)) return 0;
-  const auto after = std::ranges::lower_bound(poses_, t,
-                                      [](const StampedPose& p, double time) { return p.t < time; });
+  const auto after = std::ranges::lower_bound(poses_, t, {}, &StampedPose::t);
   return after->t == t ? 0 : after->t - (after - 1)->t;
 }
 

@@ -16,8 +16,8 @@ template <class S, int D>
                                          const Mat<S, D>& information) {
   const Ldlt<S, D> factor{information};
   if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
-  const Fix<S, D> fix{position, factor.inverse(), chi_squared<S, D>(ranges, position),
-                      static_cast<int>(ranges.size()) - D};
+  Fix<S, D> fix{position, factor.inverse(), chi_squared<S, D>(ranges, position),
+                static_cast<int>(ranges.size()) - D};
   if (!all_finite(fix.position) || !all_finite(fix.covariance) || !std::isfinite(fix.chi_squared)) {
     return std::unexpected(Error::NumericOverflow);
   }
