@@ -40,6 +40,8 @@ enum class Error : std::uint8_t {
   TimeNotIncreasing,
   GapTooLong,
   ClockJump,
+  OutlierRejected,
+  TooOld,
   // Tables.
   UnknownAnchor,
   DuplicateAnchor,
@@ -99,6 +101,10 @@ inline constexpr int kErrorCount = static_cast<int>(Error::InvalidTable) + 1;
       return "the gap is too long to tell how often the counter wrapped";
     case Error::ClockJump:
       return "a clock jumped or was reset";
+    case Error::OutlierRejected:
+      return "the measurement departs from what others predict, beyond noise; it was not used";
+    case Error::TooOld:
+      return "the stamps, or the synchronisation they rest on, are too old";
     case Error::UnknownAnchor:
       return "no anchor has this id";
     case Error::DuplicateAnchor:
