@@ -17,7 +17,7 @@ inline constexpr int kLocateIterations = 100;
 
 /// Flat anchors: two images that fit equally well, or the plane itself.
 template <class S, int D>
-Result<Descent<S, D>> locate_flat(RangeSpan<S, D> ranges, const ToaRoots<S, D>& roots,
+Result<Minimum<S, D>> locate_flat(RangeSpan<S, D> ranges, const ToaRoots<S, D>& roots,
                                   const LocateOptions<S, D>& options) {
   const S sigma = std::sqrt(roots.square_variance);
   const bool exactly_determined = ranges.size() == static_cast<std::size_t>(D);
@@ -46,60 +46,36 @@ Result<Descent<S, D>> locate_flat(RangeSpan<S, D> ranges, const ToaRoots<S, D>& 
     start += towards * root;
     prior.point = start;
   }
-  Result<Descent<S, D>> descent =
+  Result<Minimum<S, D>> descent =
       descend<S, D>(ranges, roots.center, start, roots.largest, kLocateIterations, prior);
   if (descent && towards != S(0)) {
     // A step may cross the plane into the other image: back to the one that was chosen.
-    const Vec<S, D> from_foot = descent->position - roots.foot;
+    const Vec<S, D> from_foot = descent->state - roots.foot;
     const S height = dot(from_foot, roots.direction);
-    if (height * towards < S(0)) descent->position -= S(2) * height * roots.direction;
+    if (height * towards < S(0)) descent->state -= S(2) * height * roots.direction;
   }
   return descent;
 }
 
 /// Anchors that span the space: one true minimum, and perhaps a second that only noise could hide.
 template <class S, int D>
-Result<Descent<S, D>> locate_spanned(RangeSpan<S, D> ranges, const ToaRoots<S, D>& roots,
+Result<Minimum<S, D>> locate_spanned(RangeSpan<S, D> ranges, const ToaRoots<S, D>& roots,
                                      const LocateOptions<S, D>& options) {
   const auto from = [&](const Vec<S, D>& start) {
     return descend<S, D>(ranges, roots.center, start, roots.largest, kLocateIterations);
   };
   const RootChoice<S> choice = weigh_roots(roots);
-  Result<Descent<S, D>> best = from(roots.foot + choice.likely * roots.direction);
+  Result<Minimum<S, D>> best = from(roots.foot + choice.likely * roots.direction);
   // The linear system's own Δχ² between the roots: beyond this nothing can turn it round.
   constexpr S kBeyondDoubt = S(100);
   const S doubt = S(4) * roots.linear_information * std::abs(choice.likely * roots.linear);
   if (best && (!choice.two_minima || doubt > kBeyondDoubt)) return best;
 
-  Result<Descent<S, D>> other = from(roots.foot + choice.other * roots.direction);
-  if (!best) return other;
-  if (!other) return best;
-  if (other->chi_squared < best->chi_squared) std::swap(*best, *other);
-  const Vec<S, D> apart = best->position - other->position;
-  const S same = S(1e-3) * roots.largest;
-  if (squared_norm(apart) <= same * same) return best;
-  const Mat<S, D> information = symmetric_from_lower(best->information);
-  const Vec<S, D> scaled = information * apart;
-  if (dot(apart, scaled) < S(1)) return best;
-
-  const int freedom = static_cast<int>(ranges.size()) - D;
-  const S rounding = chi_squared_rounding<S, D>(ranges, roots.largest);
-  const auto decided = [&](S needed) {
-    return rules_out(best->chi_squared, other->chi_squared, freedom, needed, rounding);
-  };
-  if (decided(S(25))) return best;
+  Result<Minimum<S, D>> other = from(roots.foot + choice.other * roots.direction);
   LocateOptions<S, D> relative = options;
   if (relative.prior) *relative.prior -= roots.center;
-  switch (choose_by_knowledge(best->position, other->position, relative)) {
-    case MirrorChoice::First:
-      return best;
-    case MirrorChoice::Second:
-      return other;
-    case MirrorChoice::Unknown:
-      break;
-  }
-  if (decided(S(9))) return best;
-  return std::unexpected(Error::AmbiguousSolution);
+  return settle_images<S, D, D>(best, other, relative, static_cast<int>(ranges.size()) - D,
+                                roots.largest, chi_squared_rounding<S, D>(ranges, roots.largest));
 }
 
 template <class S, int D>
@@ -108,10 +84,10 @@ Result<Fix<S, D>> locate_ranges(RangeSpan<S, D> ranges, const LocateOptions<S, D
   if (const auto error = check_options(options)) return std::unexpected(*error);
   const Result<ToaRoots<S, D>> roots = toa_roots<S, D>(ranges);
   if (!roots) return std::unexpected(roots.error());
-  const Result<Descent<S, D>> found = roots->flat() ? locate_flat(ranges, *roots, options)
+  const Result<Minimum<S, D>> found = roots->flat() ? locate_flat(ranges, *roots, options)
                                                     : locate_spanned(ranges, *roots, options);
   if (!found) return std::unexpected(found.error());
-  return make_fix<S, D>(ranges, roots->center + found->position, found->information);
+  return make_fix<S, D>(ranges, roots->center + found->state, found->information);
 }
 
 }  // namespace detail

@@ -14,6 +14,7 @@
 
 #include "uwbpos/core/linalg.hpp"
 #include "uwbpos/core/result.hpp"
+#include "uwbpos/solve/newton.hpp"
 
 namespace uwbpos {
 
@@ -67,6 +68,44 @@ template <class S, int D>
     }
   }
   return MirrorChoice::Unknown;
+}
+
+/// Which of two minima to answer: the only one, the one that the measurements leave, or the one
+/// that the caller's knowledge picks; `options` relative to what the states are relative to.
+/// The first D numbers of a state are the position. Side and prior are heard while Δχ² < 25.
+/// O(N²), no allocation. Error::AmbiguousSolution; the first one's error when neither converged.
+template <class S, int D, int N>
+[[nodiscard]] Result<Minimum<S, N>> settle_images(const Result<Minimum<S, N>>& first,
+                                                  const Result<Minimum<S, N>>& second,
+                                                  const LocateOptions<S, D>& options,
+                                                  int degrees_of_freedom, S largest, S rounding) {
+  if (!first && second) return second;
+  if (!first || !second) return first;
+  const bool in_order = first->chi_squared <= second->chi_squared;
+  const Minimum<S, N>& best = in_order ? *first : *second;
+  const Minimum<S, N>& other = in_order ? *second : *first;
+  const Vec<S, N> apart = best.state - other.state;
+  const S same = S(1e-3) * largest;
+  if (squared_norm(apart) <= same * same) return best;
+  const Vec<S, N> scaled = symmetric_from_lower(best.information) * apart;
+  if (dot(apart, scaled) < S(1)) return best;
+
+  const auto decided = [&](S needed) {
+    return rules_out(best.chi_squared, other.chi_squared, degrees_of_freedom, needed, rounding);
+  };
+  if (decided(S(25))) return best;
+  const Vec<S, D> best_position = best.state.template head<D>();
+  const Vec<S, D> other_position = other.state.template head<D>();
+  switch (choose_by_knowledge(best_position, other_position, options)) {
+    case MirrorChoice::First:
+      return best;
+    case MirrorChoice::Second:
+      return other;
+    case MirrorChoice::Unknown:
+      break;
+  }
+  if (decided(S(9))) return best;
+  return std::unexpected(Error::AmbiguousSolution);
 }
 
 }  // namespace uwbpos

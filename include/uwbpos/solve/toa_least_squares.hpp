@@ -3,21 +3,14 @@
 
 /// @file
 /// Maximum-likelihood position from ranges: the minimum of
-/// \f$ \chi^2(p) = \sum (r_i - |p - a_i|)^2 / \sigma_i^2 \f$, with g the unit vectors of
-/// model/range.hpp:
-/// \f[ J = \sum g_i g_i^T / \sigma_i^2, \qquad
-///     \nabla = \sum g_i (r_i - |p - a_i|) / \sigma_i^2, \qquad
-///     \operatorname{cov}(p) = J^{-1}, \qquad (1) \f]
-/// \f[ H = J - \sum c_i (I - g_i g_i^T), \qquad
-///     c_i = (r_i - |p - a_i|) / (|p - a_i| \sigma_i^2), \qquad H \, \Delta p = \nabla. \qquad (2)
-///     \f]
-/// (2) is Newton's step: H adds to Gauss-Newton's J the curvature of the residuals, without which a
-/// tag near the anchors' plane takes tens of steps. Where H is not positive or its step does not
-/// help, J takes its place, damped as Levenberg has it. All of it relative to the anchors'
-/// centre, because a float has 24 bits and squares of building coordinates eat them.
+/// \f$ \chi^2(p) = \sum (r_i - |p - a_i|)^2 / \sigma_i^2 \f$ by the descent of newton.hpp, with
+/// g the unit vectors of model/range.hpp and \f$ \partial^2 h = (I - g g^T) / |p - a| \f$;
+/// cov(p) = J⁻¹. All of it relative to the anchors' centre, because a float has 24 bits and squares
+/// of building coordinates eat them.
 
 #include "uwbpos/model/range.hpp"
 #include "uwbpos/solve/fix.hpp"
+#include "uwbpos/solve/newton.hpp"
 #include "uwbpos/solve/toa_closed_form.hpp"
 
 namespace uwbpos {
@@ -41,28 +34,17 @@ struct DirectionPrior {
   S information = S(0);                     ///< 1/variance [1/m²]; zero: nothing is known
 };
 
-/// (1) and (2) at one position, relative to a centre.
+/// The normal equations at `position`, relative to `center` like `prior`. O(n·D²), no allocation.
 template <class S, int D>
-struct RangeNormal {
-  Mat<S, D> information;  ///< J, lower triangle
-  Mat<S, D> hessian;      ///< H, lower triangle
-  Vec<S, D> gradient;     ///< ∇
-  S chi_squared;          ///< of the ranges and the prior
-};
-
-/// Evaluates (1) at `position`, relative to `center` like `prior`. O(n·D²), no allocation.
-template <class S, int D>
-[[nodiscard]] RangeNormal<S, D> range_normal(RangeSpan<S, D> ranges, const Vec<S, D>& center,
-                                             const Vec<S, D>& position,
-                                             const DirectionPrior<S, D>& prior) {
-  RangeNormal<S, D> normal;
-  normal.information.setZero();
+[[nodiscard]] NormalEquations<S, D> range_normal(RangeSpan<S, D> ranges, const Vec<S, D>& center,
+                                                 const Vec<S, D>& position,
+                                                 const DirectionPrior<S, D>& prior) {
+  NormalEquations<S, D> normal;
   add_outer(normal.information, prior.direction, prior.information);
   const Vec<S, D> to_prior = prior.point - position;
   const S off_prior = dot(prior.direction, to_prior);
   normal.gradient = prior.direction * (prior.information * off_prior);
   normal.chi_squared = prior.information * off_prior * off_prior;
-  normal.hessian.setZero();
   S curvature = S(0);
   for (const RangeTo<S, D>& r : ranges) {
     const Vec<S, D> anchor = r.anchor - center;
@@ -82,59 +64,17 @@ template <class S, int D>
   return normal;
 }
 
-/// Where the descent from one start ended, relative to the centre, and J there.
+/// Descends from `start` to the minimum in whose basin it lies. All relative to `center`;
+/// `largest` is the scale of rounding errors [m]. No allocation. Error::NotConverged.
 template <class S, int D>
-struct Descent {
-  Vec<S, D> position;     ///< relative to the centre [m]
-  Mat<S, D> information;  ///< J there [1/m²]
-  S chi_squared;          ///< before the last, negligible step
-};
-
-/// Descends (1) from `start` to the minimum in whose basin it lies. All relative to `center`;
-/// `largest` is the scale of rounding errors [m]. Each iteration O(n·D²), no allocation.
-/// Error::NotConverged.
-template <class S, int D>
-[[nodiscard]] Result<Descent<S, D>> descend(RangeSpan<S, D> ranges, const Vec<S, D>& center,
+[[nodiscard]] Result<Minimum<S, D>> descend(RangeSpan<S, D> ranges, const Vec<S, D>& center,
                                             const Vec<S, D>& start, S largest, int max_iterations,
                                             const DirectionPrior<S, D>& prior = {}) {
-  constexpr S kEpsilon = std::numeric_limits<S>::epsilon();
-  constexpr S kSmallStep = S(1e-8);  // a ten-thousandth of a standard deviation, squared
-  constexpr S kLeastDamping = S(1e-3);
-  constexpr S kMostDamping = S(1e6);
-  const S rounding = S(4) * kEpsilon * largest;
-  Vec<S, D> position = start;
-  RangeNormal<S, D> normal = range_normal(ranges, center, position, prior);
-  S damping = S(0);
-  for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    const S trace = normal.information.trace();
-    Mat<S, D> matrix = damping > S(0) ? normal.information : normal.hessian;
-    for (int i = 0; i < D; ++i) matrix(i, i) += damping * trace;
-    const Ldlt<S, D> factor{matrix};
-    if (!factor.positive_definite()) {
-      damping = std::max(damping * S(4), kLeastDamping);
-      if (!(damping < kMostDamping)) break;
-      continue;
-    }
-    const Vec<S, D> step = factor.solve(normal.gradient);
-    const S gain = dot(step, normal.gradient);
-    if ((damping <= kLeastDamping && gain <= kSmallStep) ||
-        squared_norm(step) <= rounding * rounding) {
-      // Newton squares what is left: after a step so small nothing need be evaluated again.
-      return Descent<S, D>{position + step, normal.information, normal.chi_squared};
-    }
-    const RangeNormal<S, D> next = range_normal<S, D>(ranges, center, position + step, prior);
-    // No worse than what rounding of every residual may add to χ².
-    const S worst = std::sqrt(normal.chi_squared) + std::sqrt(trace) * rounding;
-    if (next.chi_squared <= worst * worst) {
-      position += step;
-      normal = next;
-      damping = S(0);
-    } else {
-      damping = std::max(damping * S(4), kLeastDamping);
-      if (!(damping < kMostDamping)) break;
-    }
-  }
-  return std::unexpected(Error::NotConverged);
+  const auto evaluate = [&](const Vec<S, D>& position) {
+    return range_normal<S, D>(ranges, center, position, prior);
+  };
+  const S rounding = S(4) * std::numeric_limits<S>::epsilon() * largest;
+  return minimise<S, D>(evaluate, start, rounding, max_iterations);
 }
 
 /// Position [m] from n ≥ D ranges, in the anchors' frame, at the minimum of χ² whose basin holds
@@ -171,10 +111,10 @@ template <RangeSet R>
     start = roots->foot + weigh_roots(*roots).likely * roots->direction;
     largest = roots->largest;
   }
-  const Result<Descent<S, D>> descent =
+  const Result<Minimum<S, D>> minimum =
       descend<S, D>(span, center, start, largest, options.max_iterations);
-  if (!descent) return std::unexpected(descent.error());
-  return make_fix<S, D>(span, center + descent->position, descent->information);
+  if (!minimum) return std::unexpected(minimum.error());
+  return make_fix<S, D>(span, center + minimum->state, minimum->information);
 }
 
 }  // namespace uwbpos
