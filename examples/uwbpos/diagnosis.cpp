@@ -26,9 +26,8 @@ AnchorQuality quality_of(Id anchor, std::vector<double> residuals) {
   }
   quality.bias = quality.quantiles[2];
   const double limit = std::max(4 * quality.spread, 0.2);
-  const auto outliers = std::ranges::count_if(residuals, [&](double residual) {
-    return std::abs(residual - quality.bias) > limit;
-  });
+  const auto outliers = std::ranges::count_if(
+      residuals, [&](double residual) { return std::abs(residual - quality.bias) > limit; });
   quality.outlier_share = static_cast<double>(outliers) / static_cast<double>(residuals.size());
   return quality;
 }
@@ -74,8 +73,7 @@ std::vector<AnchorQuality> anchor_qualities(const Replay& replay) {
   for (auto& [anchor, residuals] : of_anchor) {
     qualities.push_back(quality_of(anchor, std::move(residuals)));
   }
-  std::ranges::stable_sort(qualities,
-                   [](const auto& a, const auto& b) { return a.rms > b.rms; });
+  std::ranges::stable_sort(qualities, [](const auto& a, const auto& b) { return a.rms > b.rms; });
   return qualities;
 }
 

@@ -41,8 +41,7 @@ void put_in_order(Log<T>& log) {
     if (row.t < newest - kReorderWindow) ++log.counts.out_of_order;
     newest = std::max(newest, row.t);
   }
-  std::ranges::stable_sort(log.rows,
-                   [](const T& a, const T& b) { return a.t < b.t; });
+  std::ranges::stable_sort(log.rows, [](const T& a, const T& b) { return a.t < b.t; });
 }
 
 }  // namespace
@@ -81,7 +80,7 @@ PowerBiasTable read_power_bias(const std::filesystem::path& file, Problems& prob
   read_csv(file, {Column{"power_dbm", true}, Column{"bias_m", true}}, problems,
            [&](const Row& row) { table.push_back({row.number(0), row.number(1)}); });
   std::ranges::stable_sort(table,
-                   [](const auto& a, const auto& b) { return a.power_dbm < b.power_dbm; });
+                           [](const auto& a, const auto& b) { return a.power_dbm < b.power_dbm; });
   if (!RangeBias<double>::make(table)) {
     throw Failure{
         fmt::format("{}: expected one row or more, and each power_dbm once", file.string())};

@@ -81,7 +81,7 @@ std::vector<double> sorted_errors(const Replay& replay) {
   for (const Position& p : replay.track) {
     if (p.truth) errors.push_back(error_length(p.position - *p.truth, replay.dim));
   }
-  std::sort(errors.begin(), errors.end());
+  std::ranges::sort(errors);
   return errors;
 }
 
@@ -93,7 +93,7 @@ double error_limit(const std::vector<double>& ascending) {
 }
 
 std::string beyond(const std::vector<double>& ascending, double limit) {
-  const auto above = ascending.end() - std::upper_bound(ascending.begin(), ascending.end(), limit);
+  const auto above = ascending.end() - std::ranges::upper_bound(ascending, limit);
   if (above == 0) return "";
   return fmt::format(" {} beyond the axis, up to {}.",
                      above == 1 ? std::string{"One lies"} : fmt::format("{} lie", above),
@@ -119,8 +119,8 @@ Figure map_figure(const Replay& replay, const Points& anchors) {
       y.include(p.truth->y());
     }
   }
-  std::sort(xs.begin(), xs.end());
-  std::sort(ys.begin(), ys.end());
+  std::ranges::sort(xs);
+  std::ranges::sort(ys);
   constexpr double tail = 0.01;
   for (const double fraction : {tail, 1 - tail}) {
     if (xs.empty()) break;
@@ -173,16 +173,16 @@ Figure map_figure(const Replay& replay, const Points& anchors) {
       "width -1 maxrows 1",
       ink(Ink::kText));
   script += "plot ";
+  for (std::size_t i = 0; i < tags.size() && replay.all.scored > 0; ++i) {
+    line(script, "$truth{} with lines lc {} lw 1.2 {}, \\", i, ink(Ink::kTruth),
+         i == 0 ? "title 'truth'" : "notitle");
+  }
   for (std::size_t i = 0; i < tags.size(); ++i) {
     const std::string name =
         tags.size() == 1 ? std::string{"track"} : fmt::format("tag {}", tags[i]);
     line(script, "$track{} with points pt 7 ps 0.22 lc {} notitle, \\", i, series_ink(i));
     // The key shows a larger dot than the map.
     line(script, "NaN with points pt 7 ps 0.8 lc {} title '{}', \\", series_ink(i), name);
-  }
-  for (std::size_t i = 0; i < tags.size() && replay.all.scored > 0; ++i) {
-    line(script, "$truth{} with lines lc {} lw 1.2 {}, \\", i, ink(Ink::kTruth),
-         i == 0 ? "title 'truth'" : "notitle");
   }
   line(script, "$anchors using 1:2 with points pt 9 ps 1.1 lc {} title 'anchor', \\",
        ink(Ink::kAnchor));
@@ -258,7 +258,7 @@ Figure distribution_figure(const Replay& replay) {
     const double error = quantile_of_sorted(ascending, share);
     if (error <= limit) line(script, "{:.5f} {:.4f}", error, 100 * share);
   }
-  const auto within = std::upper_bound(ascending.begin(), ascending.end(), limit);
+  const auto within = std::ranges::upper_bound(ascending, limit);
   line(script, "{:.5f} {:.4f}", limit,
        100 * static_cast<double>(within - ascending.begin()) /
            static_cast<double>(ascending.size()));
@@ -296,7 +296,7 @@ Figure height_figure(const Replay& replay) {
   const std::size_t stride = stride_for(replay.track.size(), kMostDots);
   std::vector<double> heights;
   for (const Position& p : replay.track) heights.push_back(p.position.z());
-  std::sort(heights.begin(), heights.end());
+  std::ranges::sort(heights);
   Range z{quantile_of_sorted(heights, 0.01), quantile_of_sorted(heights, 0.99)};
   std::string track;
   std::string truth;
@@ -326,8 +326,7 @@ Figure residual_figure(const Replay& replay, const std::vector<AnchorQuality>& w
   std::vector<AnchorQuality> shown{
       worst_first.begin(),
       worst_first.begin() + static_cast<std::ptrdiff_t>(std::min(most, worst_first.size()))};
-  std::sort(shown.begin(), shown.end(),
-            [](const auto& a, const auto& b) { return a.anchor < b.anchor; });
+  std::ranges::sort(shown, [](const auto& a, const auto& b) { return a.anchor < b.anchor; });
   std::string script = preamble(520, 300) + "$boxes << EOD\n";
   std::string tics;
   for (std::size_t i = 0; i < shown.size(); ++i) {
@@ -383,7 +382,7 @@ Figure range_error_figure(const std::vector<ScoredRange>& ranges) {
       if (drawn) line(methods[m].data, "{:.4f} {:.4f}", range.truth, errors.back());
     }
   }
-  std::sort(errors.begin(), errors.end());
+  std::ranges::sort(errors);
   Range y{quantile_of_sorted(errors, 0.005), quantile_of_sorted(errors, 0.995)};
   y.include(0);
   const double margin = std::max(0.15 * y.length(), 0.01);
@@ -401,7 +400,7 @@ Figure range_error_figure(const std::vector<ScoredRange>& ranges) {
       "width -1 maxrows 1",
       ink(Ink::kText));
   script += "plot ";
-  for (const std::size_t m : {2, 1, 0}) {
+  for (const std::size_t m : {2uz, 1uz, 0uz}) {
     if (!methods[m].any) continue;
     line(script, "$method{} with points pt 7 ps 0.3 lc {} notitle, \\", m, series_ink(m));
     line(script, "NaN with points pt 7 ps 0.8 lc {} title '{}'{}", series_ink(m), methods[m].name,

@@ -16,7 +16,7 @@ std::string listed(const std::map<Id, std::size_t>& counts) {
   constexpr std::size_t most = 6;
   std::vector<std::pair<Id, std::size_t>> entries{counts.begin(), counts.end()};
   std::ranges::stable_sort(entries,
-                   [](const auto& a, const auto& b) { return a.second > b.second; });
+                           [](const auto& a, const auto& b) { return a.second > b.second; });
   std::vector<std::string> words;
   for (const auto& [id, count] : entries) {
     if (words.size() == most) {

@@ -49,8 +49,8 @@ SampleSummary summarize(std::vector<double> values, double limit) {
   if (values.empty()) return summary;
   summary.mean = mean(values);
   summary.rms = root_mean_square(values);
-  const auto outliers = std::ranges::count_if(values,
-                                      [&](double value) { return std::abs(value) > limit; });
+  const auto outliers =
+      std::ranges::count_if(values, [&](double value) { return std::abs(value) > limit; });
   summary.outlier_share = static_cast<double>(outliers) / static_cast<double>(values.size());
   summary.median = median(values);
   summary.spread = robust_spread(std::move(values));

@@ -42,10 +42,9 @@ Rotation slerp(const Rotation& from, const Rotation& to, double fraction) {
 Trajectory::Trajectory(std::vector<StampedPose> poses) : poses_{std::move(poses)} {
   std::ranges::stable_sort(poses_,
                            [](const StampedPose& a, const StampedPose& b) { return a.t < b.t; });
-  const auto last =
-      std::unique(poses_.begin(), poses_.end(),
-                  [](const StampedPose& a, const StampedPose& b) { return a.t == b.t; });
-  poses_.erase(last, poses_.end());
+  const auto same = std::ranges::unique(
+      poses_, [](const StampedPose& a, const StampedPose& b) { return a.t == b.t; });
+  poses_.erase(same.begin(), same.end());
 }
 
 std::optional<StampedPose> Trajectory::at(double t) const {

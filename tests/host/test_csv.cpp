@@ -184,7 +184,8 @@ TEST_CASE("A file that cannot be used ends the run and says what was expected") 
   Problems problems{false, true};
   CHECK(contains(failure_of([&] { (void)read_ranges(files.path("absent.csv"), problems); }),
                  "absent.csv: cannot be opened"));
-  CHECK(contains(failure_of([&] { (void)read_ranges(files.path(""), problems); }), "is a directory"));
+  CHECK(
+      contains(failure_of([&] { (void)read_ranges(files.path(""), problems); }), "is a directory"));
 }
 
 TEST_CASE("Rows come back by time, however they stood in the file") {

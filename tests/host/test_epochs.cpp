@@ -25,7 +25,7 @@ std::vector<Reading> rounds_of(int rounds, int anchors, double period, double sp
   int count = 0;
   for (int round = 0; round < rounds; ++round) {
     for (int anchor = 0; anchor < anchors; ++anchor, ++count) {
-      if (std::find(lost.begin(), lost.end(), count) != lost.end()) continue;
+      if (std::ranges::find(lost, count) != lost.end()) continue;
       readings.push_back(
           reading(1e9 + round * period + anchor * spacing, 0, static_cast<Id>(anchor)));
     }
