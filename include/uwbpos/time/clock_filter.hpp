@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// The arithmetic of `ClockSync`: a Kalman filter of one clock's phase and rate against another's.
+/// The control anchor's clock, counted in the anchor's time a, is
+///   (1) \f$ c(a) = c_0 + (a - a_0) + x + \delta\,(a - a_0),\quad \delta \approx e_C - e_A \f$
+/// with integers c0, a0, a phase x below a tick, and a rate δ that walks at random,
+///   (2) \f$ d\delta = q\,dW:\quad P' = F P F^T + q^2
+///       \begin{pmatrix} s^3/3 & s^2/2 \\ s^2/2 & s \end{pmatrix},\quad
+///       F = \begin{pmatrix} 1 & s \\ 0 & 1 \end{pmatrix} \f$.
+/// An event seen at c by one and, with white noise of variance r, at a by the other measures
+///   (3) \f$ \nu = c - c(a),\quad K = P'_{\cdot 0}/(P'_{00} + r),\quad
+///       P = P' - K\,P'_{0 \cdot} \f$.
+/// δ is an integer of 2^-36 and a rest, so that \f$ \delta (a - a_0) \f$ is exact in 64 bits while
+/// |δ| < 2^-12 (244 ppm): only what is left below a few ticks is a float.
+
+#include <cmath>
+#include <cstdint>
+
+#include "uwbpos/core/constants.hpp"
+#include "uwbpos/core/types.hpp"
+#include "uwbpos/time/device_time.hpp"
+
+namespace uwbpos {
+
+/// One event on two clocks: `control` + `fraction` ticks on one, `anchor` on the other.
+template <class S>
+struct ClockPair {
+  DeviceTime<> control;  ///< whole ticks
+  S fraction{};          ///< to be added [ticks]
+  DeviceTime<> anchor;   ///< whole ticks
+};
+
+/// Ticks on the control clock from `earlier` to `later`, exact in the whole ones.
+template <class S>
+[[nodiscard]] constexpr S control_ticks(const ClockPair<S>& earlier, const ClockPair<S>& later) {
+  return static_cast<S>(later.control - earlier.control) + (later.fraction - earlier.fraction);
+}
+
+/// Phase and rate of (1) with their covariance. Time is counted in spans of 2^36 ticks (1.08 s),
+/// rates in ticks a span, wherever nothing else is said; events of one call lie less than half a
+/// wrap (8.6 s) apart. Nothing fails, nothing allocates; 56 bytes in float.
+template <class S>
+class ClockFilter {
+ public:
+  /// A rate of one tick a span, as a fraction: 2^-36.
+  static constexpr S kUnit = S(1.0 / static_cast<double>(std::int64_t{1} << 36));
+
+  /// Both states from two events, of which `later` was seen later: exact, with the covariance
+  /// of two measurements of variance `noise` [ticks²] and the wander between them.
+  ClockFilter(const ClockPair<S>& earlier, const ClockPair<S>& later, S noise, S wander)
+      : base_{later} {
+    const std::int64_t run = later.anchor - earlier.anchor;
+    const std::int64_t gained = difference(earlier, later);
+    const S s = spans(run);
+    const std::int64_t scaled = gained * kSpan;
+    rate_ = scaled / run;
+    rest_ = static_cast<S>(scaled - rate_ * run) / static_cast<S>(run) +
+            (later.fraction - earlier.fraction) / s;
+    p00_ = noise;
+    p01_ = noise / s;
+    p11_ = 2 * noise / (s * s) + wander * s / 3;
+    settle();
+  }
+
+  /// Nothing known; to be replaced.
+  ClockFilter() = default;
+
+  /// q² of (2) from q [1/√s].
+  [[nodiscard]] static constexpr S wander_of(S q) {
+    return (q / kUnit) * (q / kUnit) * (kTickSeconds<S> / kUnit);
+  }
+
+  /// How much more the control clock ran between two events than the other, in whole ticks:
+  /// the signed residue, right as long as it is below half a wrap.
+  [[nodiscard]] static constexpr std::int64_t difference(const ClockPair<S>& earlier,
+                                                         const ClockPair<S>& later) {
+    const DeviceTime<> offset_then{later.control.ticks() - later.anchor.ticks()};
+    const DeviceTime<> offset_before{earlier.control.ticks() - earlier.anchor.ticks()};
+    return offset_then - offset_before;
+  }
+
+  /// Ticks as spans.
+  [[nodiscard]] static constexpr S spans(std::int64_t ticks) {
+    return static_cast<S>(ticks) * kUnit;
+  }
+
+  /// The event that a run at the tracked rate leads to from another: (1) from any event on.
+  [[nodiscard]] ClockPair<S> carried(const ClockPair<S>& from, DeviceTime<> anchor) const {
+    const std::int64_t run = anchor - from.anchor;
+    const std::int64_t product = rate_ * run;
+    const std::int64_t whole = product >> 36;
+    const S part = static_cast<S>(product - whole * kSpan) * kUnit + rest_ * spans(run);
+    return {from.control + (run + whole), from.fraction + part, anchor};
+  }
+
+  /// Equation (1): what the control clock shows when the other shows `anchor`.
+  [[nodiscard]] ClockPair<S> at(DeviceTime<> anchor) const { return carried(base_, anchor); }
+
+  /// Variance of its phase [ticks²], P'00 of (2); before the last event an approximation.
+  [[nodiscard]] S variance_at(DeviceTime<> anchor, S wander) const {
+    const S s = spans(anchor - base_.anchor);
+    return p00_ + s * (2 * p01_ + s * p11_) + wander * std::abs(s * s * s) / 3;
+  }
+
+  /// Variance of the rate at a later event.
+  [[nodiscard]] S rate_variance_at(DeviceTime<> anchor, S wander) const {
+    return p11_ + wander * std::abs(spans(anchor - base_.anchor));
+  }
+
+  /// Equations (2) and (3): `departure` ν [ticks] of an event from `at` that same time.
+  void correct(DeviceTime<> anchor, S departure, S noise, S wander) {
+    const S s = spans(anchor - base_.anchor);
+    const S p00 = variance_at(anchor, wander);
+    const S p01 = p01_ + s * p11_ + wander * s * s / 2;
+    const S p11 = rate_variance_at(anchor, wander);
+    const S total = p00 + noise;
+    base_ = at(anchor);
+    base_.fraction += p00 / total * departure;
+    rest_ += p01 / total * departure;
+    p00_ = p00 * noise / total;
+    p01_ = p01 * noise / total;
+    p11_ = p11 - p01 * p01 / total;
+    settle();
+  }
+
+  /// A new phase from an event, the rate as it was.
+  void relock(const ClockPair<S>& event, S noise, S wander) {
+    p11_ = rate_variance_at(event.anchor, wander);
+    p00_ = noise;
+    p01_ = 0;
+    base_ = event;
+    settle();
+  }
+
+  /// δ, a fraction, and its variance as of the last event.
+  [[nodiscard]] Measured<S> rate() const {
+    return {(static_cast<S>(rate_) + rest_) * kUnit, p11_ * kUnit * kUnit};
+  }
+
+  /// The last event that was used, as filtered.
+  [[nodiscard]] const ClockPair<S>& base() const { return base_; }
+
+ private:
+  static constexpr std::int64_t kSpan = std::int64_t{1} << 36;
+
+  // Whole ticks and whole units of the rate become integers.
+  void settle() {
+    const S ticks = std::floor(base_.fraction + S(0.5));
+    base_.control = base_.control + static_cast<std::int64_t>(ticks);
+    base_.fraction -= ticks;
+    const S units = std::floor(rest_ + S(0.5));
+    rate_ += static_cast<std::int64_t>(units);
+    rest_ -= units;
+  }
+
+  ClockPair<S> base_{};
+  std::int64_t rate_ = 0;
+  S rest_{};
+  S p00_{};
+  S p01_{};
+  S p11_{};
+};
+
+}  // namespace uwbpos
