@@ -77,7 +77,7 @@ void add_choice(CLI::App& app, const std::string& option, T& value, const std::s
   for (const auto& [name, meaning] : choices) names += (names.empty() ? "" : "|") + name;
   app.add_option_function<std::string>(
          option,
-         [&value, choices, names, option](const std::string& text) {
+         [&value, choices = std::move(choices), names, option](const std::string& text) {
            for (const auto& [name, meaning] : choices) {
              if (name != text) continue;
              value = meaning;
@@ -105,7 +105,9 @@ void add_inputs(CLI::App& app, Arguments& a) {
   ranges->excludes(twr);
   app.add_option("--tags", s.tags, "lever arms of the tags on the body (CSV)")->type_name("FILE");
   app.add_option("--truth", s.truth, "true poses of the body (TUM)")->type_name("FILE");
-  app.add_option("--height", a.height, "height of the tags' antennas [m]; solves in the plane")
+  app.add_option(
+         "--height", a.height,
+         "height of the tags' antennas [m]; solves in the\nplane, or with --dim 3 tells the side")
       ->type_name("H")
       ->check(finite());
   app.add_option("--tag", s.only_tags, "only this tag; may be given several times")

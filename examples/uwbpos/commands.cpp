@@ -31,8 +31,11 @@ void write_tracks(const std::filesystem::path& directory, const Replay& result) 
 }
 
 // What might help when no epoch could be solved.
-std::string advice(const Replay& result) {
+std::string advice(const Settings& settings, const Replay& result) {
   const Counts& rejected = result.all.rejected;
+  if (result.all.epochs == 0 && !settings.only_tags.empty()) {
+    return "; the log has no usable reading of the tags asked for";
+  }
   if (result.all.epochs == 0 && !result.unknown_anchors.empty()) {
     return "; no reading comes from an anchor of the anchors file";
   }
@@ -54,6 +57,12 @@ int run_replay(const Settings& settings) {
   problems.tell_rest();
   const bool ranges_scored = recording.ranging && !recording.ranging->scored.empty();
   if (recording.ranging) fmt::print("{}\n", range_table(recording));
+  if (recording.site.anchors.empty() && !ranges_scored) {
+    throw Failure{
+        fmt::format("{}: without --anchors, expected a column true_range_m to compare "
+                    "ranges with",
+                    recording.log.string())};
+  }
 
   Replay result;
   if (!recording.site.anchors.empty()) {
@@ -77,8 +86,8 @@ int run_replay(const Settings& settings) {
   fmt::print("wrote summary.json{} and the report to open: {}\n", tried ? ", track.tum" : "",
              report.string());
   if (result.all.solved == 0 && !ranges_scored) {
-    throw Failure{
-        fmt::format("{}: nothing could be solved{}", recording.log.string(), advice(result))};
+    throw Failure{fmt::format("{}: nothing could be solved{}", recording.log.string(),
+                              advice(settings, result))};
   }
   return kSuccess;
 }

@@ -12,6 +12,7 @@
 #include <fmt/ranges.h>
 
 #include "failure.hpp"
+#include "progress.hpp"
 
 namespace uwbpos::host {
 namespace {
@@ -230,8 +231,16 @@ void read_lines(const std::filesystem::path& file,
   }
   std::ifstream stream{file, std::ios::binary};
   if (!stream) throw Failure{fmt::format("{}: cannot be opened for reading", file.string())};
+  std::error_code no_size;
+  const std::uintmax_t told = std::filesystem::file_size(file, no_size);
+  const std::uintmax_t size = no_size ? 0 : told;
+  Progress progress{fmt::format("reading {}", file.string())};
+  std::size_t bytes = 0;
   std::string text;
   for (std::size_t number = 1; std::getline(stream, text); ++number) {
+    constexpr std::size_t lines_between = 4096;
+    if (number % lines_between == 0 && bytes < size) progress(bytes, size);
+    bytes += text.size() + 1;
     std::string_view line = text;
     if (number == 1) {
       if (line.starts_with("\xFF\xFE") || line.starts_with("\xFE\xFF")) {
