@@ -50,11 +50,11 @@ class ClockSync {
   ///   ignored. Host time set back by more than `reorder_window` starts afresh.
   /// - GapTooLong: no frame was used for `max_gap`. Starts afresh.
   /// - ClockOffsetOutOfBounds: |δ| beyond the bound. Starts afresh.
-  /// - OutlierRejected: the frame departs, by less than `max_excess`. Not used.
-  /// - ClockJump: the frame departs by more, and until the next one tells nothing is converted;
-  ///   or it is the second that departs alike, by less. Two in a row that depart alike make a new
-  ///   phase, and the rate is kept (so the second of a large jump is good again); three that do
-  ///   not start afresh: the tracker cannot lock itself out.
+  /// - OutlierRejected: the frame departs by less than `max_excess`: an echo. Not used.
+  /// - ClockJump: the frame departs by more. Nothing is converted until the next one tells: if it
+  ///   fits, this one was bad; if it departs alike, it gives the new phase and the rate is kept.
+  ///   Also the last of `max_outliers` echoes in a row, if alike, which does the same; if not, or
+  ///   after three jumps in a row, the tracker starts afresh. It cannot lock itself out.
   [[nodiscard]] Result<Measured<S>> update(DeviceTime<> control_tx, DeviceTime<> anchor_rx,
                                            S flight, std::int64_t host);
 
@@ -76,7 +76,7 @@ class ClockSync {
 
  private:
   static constexpr S kGate = 36;
-  static constexpr int kMaxDepartures = 3;
+  static constexpr int kMaxJumps = 3;
 
   // Equation (1).
   [[nodiscard]] S noise() const {
@@ -167,7 +167,10 @@ Result<Measured<S>> ClockSync<S>::used(const ClockPair<S>& pair, std::int64_t ho
 template <class S>
 Result<Measured<S>> ClockSync<S>::depart(const ClockPair<S>& pair, S departure, std::int64_t host) {
   const bool known = jumped_;
-  if (++departures_ > 1) {
+  const bool far = std::abs(departure) > options_.max_excess / kTickSeconds<S>;
+  ++departures_;
+  const bool last = departures_ >= (far ? kMaxJumps : options_.max_outliers);
+  if (departures_ > 1 && (far || last)) {
     const std::int64_t run = pair.anchor - suspect_.anchor;
     const S apart = control_ticks(filter_.carried(suspect_, pair.anchor), pair);
     const S s = ClockFilter<S>::spans(run);
@@ -178,13 +181,11 @@ Result<Measured<S>> ClockSync<S>::depart(const ClockPair<S>& pair, S departure, 
       if (rate && !known) return std::unexpected(Error::ClockJump);
       return rate;
     }
-    if (departures_ >= kMaxDepartures) {
-      return std::unexpected(restart(pair, host, Error::ClockJump));
-    }
+    if (last) return std::unexpected(restart(pair, host, Error::ClockJump));
   }
   suspect_ = pair;
-  jumped_ = std::abs(departure) > options_.max_excess / kTickSeconds<S>;
-  return std::unexpected(jumped_ ? Error::ClockJump : Error::OutlierRejected);
+  jumped_ = far;
+  return std::unexpected(far ? Error::ClockJump : Error::OutlierRejected);
 }
 
 template <class S>

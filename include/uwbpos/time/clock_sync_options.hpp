@@ -25,6 +25,9 @@ struct ClockSyncOptions {
   /// A frame that departs by more than this [s] is a jump and no detour of the radio's.
   /// [0 < d ≤ 1]
   S max_excess = S(1e-6);
+  /// So many frames in a row that depart by less are no detour either; until then the tracker
+  /// coasts on what it knew. [2 … 1000]
+  int max_outliers = 10;
   /// Without a frame that was used [µs]; afterwards all begins anew. [0 < g ≤ 8 s]
   std::int64_t max_gap = 5'000'000;
   /// Between the last frame that was used and a stamp to be converted [µs]. [0 < g ≤ 8 s]
@@ -39,8 +42,9 @@ template <class S>
 [[nodiscard]] constexpr bool is_valid(const ClockSyncOptions<S>& o) {
   return o.sigma_timestamp > 0 && o.sigma_timestamp <= S(1e-3) && o.wander >= 0 &&
          o.wander <= S(1e-6) && o.max_clock_offset > 0 && o.max_clock_offset <= S(200e-6) &&
-         o.max_excess > 0 && o.max_excess <= 1 && o.max_gap > 0 && o.max_gap <= kLongestSyncGap &&
-         o.max_age > 0 && o.max_age <= kLongestSyncGap && o.reorder_window >= 0;
+         o.max_excess > 0 && o.max_excess <= 1 && o.max_outliers >= 2 && o.max_outliers <= 1000 &&
+         o.max_gap > 0 && o.max_gap <= kLongestSyncGap && o.max_age > 0 &&
+         o.max_age <= kLongestSyncGap && o.reorder_window >= 0;
 }
 
 }  // namespace uwbpos
