@@ -20,7 +20,7 @@ LAYERS = {
     "sim": 5,
 }  # fmt: skip
 MAX_HEADER_LINES = 220
-EIGEN_GUARD = "uwbpos/core/eigen.hpp"
+EIGEN_GUARDS = ["uwbpos/core/eigen.hpp", "uwbpos/core/eigen_svd.hpp"]
 
 WITHOUT_LICENCE_LINE = {".md", ".json", ".csv", ".tum", ".txt", ".svg", ".png", ""}
 MACHINE_PATH = re.compile(r"(?<![\w.}])/(?:home|root|work|Users)/\w+")
@@ -106,8 +106,8 @@ def check_headers(headers):
             include = re.match(r"\s*#\s*include\s*<([^>]+)>", line)
             if include and include.group(1) in BANNED_HEADERS:
                 fault(path, number, f"<{include.group(1)}> is not for firmware")
-            if include and include.group(1).startswith("Eigen/") and name != EIGEN_GUARD:
-                fault(path, number, f'Eigen comes through "{EIGEN_GUARD}" only')
+            if include and include.group(1).startswith("Eigen/") and name not in EIGEN_GUARDS:
+                fault(path, number, f"Eigen comes through {' and '.join(EIGEN_GUARDS)} only")
             if re.match(r"\s*#\s*define\b", line):
                 fault(path, number, "a macro")
             for word in BANNED_WORDS.findall(line):

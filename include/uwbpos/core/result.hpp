@@ -42,6 +42,12 @@ enum class Error : std::uint8_t {
   ClockJump,
   OutlierRejected,
   TooOld,
+  // Frames.
+  InvalidCovariance,
+  NotARotation,
+  RotationUndetermined,
+  UnknownSubnet,
+  DuplicateSubnet,
   // Tables.
   UnknownAnchor,
   DuplicateAnchor,
@@ -105,6 +111,17 @@ inline constexpr int kErrorCount = static_cast<int>(Error::InvalidTable) + 1;
       return "the measurement departs from what others predict, beyond noise; it was not used";
     case Error::TooOld:
       return "the stamps, or the synchronisation they rest on, are too old";
+    case Error::InvalidCovariance:
+      return "a matrix is no covariance (not symmetric, or not positive)";
+    case Error::NotARotation:
+      return "the matrix is no rotation (axes not orthonormal, or mirrored)";
+    case Error::RotationUndetermined:
+      return "the shared points do not determine a rotation (coincident, in line in space, or too "
+             "noisy)";
+    case Error::UnknownSubnet:
+      return "no subnet has this id";
+    case Error::DuplicateSubnet:
+      return "a subnet with this id exists already";
     case Error::UnknownAnchor:
       return "no anchor has this id";
     case Error::DuplicateAnchor:

@@ -1,0 +1,10 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// The singular value decomposition of Eigen, apart from core/eigen.hpp because it costs as much
+/// to compile as all the rest. Of fixed size it does not allocate.
+
+#include <Eigen/SVD>
+
+#include "uwbpos/core/eigen.hpp"
