@@ -110,7 +110,7 @@ std::vector<std::string> diagnose(const Replay& replay,
     }
   }
   if (!replay.residuals_to_truth) {
-    said.push_back(
+    said.emplace_back(
         "Without truth these are what is left over after solving, which hides part of each "
         "anchor's error among the others.");
   }
