@@ -205,7 +205,7 @@ void score(const Site& site, Replay& result) {
       continue;
     }
     if (site.truth.spacing_at(position.t) > kTruthPause) ++result.in_truth_gaps;
-    all.push_back(position.position - *position.truth);
+    all.emplace_back(position.position - *position.truth);
     of_tag[position.tag].push_back(all.back());
   }
   for (auto& [tag, outcome] : result.of_tag) {
