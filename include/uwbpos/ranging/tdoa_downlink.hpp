@@ -11,8 +11,9 @@
 ///   (3) \f$ \mathrm{var}\,d = v^2\,[3\sigma_t^2 + (I \sigma_\delta)^2] \f$: three receptions are
 ///       noisy, departures are exact.
 /// δ comes from a `RateTracker` fed with successive packets of B: `update(rx at the tag, tx,
-/// host)`. Its last step holds rx_B too, which makes (3) an upper bound, by up to I over the time
-/// between two packets. A moving tag sees B's rate lowered by the speed at which it leaves B:
+/// host)`. Fed with this packet first, its last step holds rx_B too and (3) is an upper bound:
+/// between two packets of B it interpolates and averages their noise. Fed afterwards, smoothing is
+/// what keeps (Iσδ)² small. A moving tag sees B's rate lowered by the speed at which it leaves B:
 /// so far as the tracker follows that, (2) is r_B at the time of A's packet, as it should be; so
 /// far as it smooths it, d is r_B at rx_B minus r_A at rx_A.
 
