@@ -58,18 +58,17 @@ struct RangeTo {
 /// A range difference against a reference that others share: |p − `anchor`| − |p − reference| [m].
 template <class S, int D>
 struct DifferenceTo {
-  Vec<S, D> anchor;
-  S difference;
+  Vec<S, D> anchor;  ///< where it is [m]
+  S difference;      ///< farther than the reference by this [m]
 };
 
-/// A range difference of any two anchors: |p − `anchor_b`| − |p − `anchor_a`| [m], `sigma` the
-/// standard deviation of the difference [m].
+/// A range difference of any two anchors: |p − `anchor_b`| − |p − `anchor_a`|.
 template <class S, int D>
 struct PairDifference {
-  Vec<S, D> anchor_a;
-  Vec<S, D> anchor_b;
-  S difference;
-  S sigma = S(0.15);
+  Vec<S, D> anchor_a;  ///< [m]
+  Vec<S, D> anchor_b;  ///< [m]
+  S difference;        ///< b is farther than a by this [m]
+  S sigma = S(0.15);   ///< standard deviation of the difference [m]
 };
 
 }  // namespace uwbpos

@@ -4,9 +4,9 @@
 /// @file
 /// Range differences at a tag that only listens (math.md 5, paper 004): anchor A sends, anchor B
 /// hears it and sends, and the tag hears both. With everything of B's on B's clock,
-///   (1) \f$ d = r_B - r_A = v\,[\kappa\,(rx_B - rx_A) - (\tau_{AB} + tx_B - rx_{A@B})] \f$,
+///   (1) \f$ d = r_B - r_A = v\,[\kappa\,(rx_B - rx_A) - (\tau_{AB} + tx_B - rx_{A \to B})] \f$,
 /// κ = 1 + δ the rate of B's clock against the tag's. With I = rx_B − rx_A on the tag's clock and
-/// J = tx_B − rx_A@B on B's, both integers,
+/// J = tx_B − rx_A→B on B's, both integers,
 ///   (2) \f$ d = v\,[((I - J) + \delta I) - \tau_{AB}] \f$,
 ///   (3) \f$ \mathrm{var}\,d = v^2\,[3\sigma_t^2 + (I \sigma_\delta)^2] \f$: three receptions are
 ///       noisy, departures are exact.

@@ -32,7 +32,7 @@ struct NormalEquations {
 /// Where a descent ended, and J there.
 template <class S, int N>
 struct Minimum {
-  Vec<S, N> state;
+  Vec<S, N> state;        ///< the unknowns
   Mat<S, N> information;  ///< lower triangle
   S chi_squared;          ///< before the last, negligible step
 };
