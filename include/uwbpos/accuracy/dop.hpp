@@ -10,17 +10,30 @@
 #include <cmath>
 
 #include "uwbpos/accuracy/cramer_rao.hpp"
+#include "uwbpos/model/pseudorange.hpp"
 
 namespace uwbpos {
 
-/// Dilutions of precision, without unit. In the plane `hdop` = `pdop` and `vdop` = 0.
+/// Dilutions of precision, without unit. `gdop` counts every unknown; ranges have no unknown but
+/// the position, so theirs equals `pdop` and `tdop` = 0. In the plane `hdop` = `pdop`, `vdop` = 0.
 template <class S>
 struct Dop {
-  S gdop;  ///< of every unknown; ranges have none but the position, so theirs equals `pdop`
+  S gdop;  ///< of everything that is solved for
   S pdop;  ///< of the position
   S hdop;  ///< of x and y
   S vdop;  ///< of z
+  S tdop;  ///< of the common bias
 };
+
+/// The dilutions in Q, position first and bias, if N > D, last.
+template <class S, int D, int N>
+[[nodiscard]] Dop<S> dilutions_of(const Mat<S, N>& q) {
+  const S horizontal = q(0, 0) + q(1, 1);
+  const S vertical = D == 3 ? q(D - 1, D - 1) : S(0);
+  const S bias = N > D ? q(N - 1, N - 1) : S(0);
+  return {std::sqrt(horizontal + vertical + bias), std::sqrt(horizontal + vertical),
+          std::sqrt(horizontal), std::sqrt(vertical), std::sqrt(bias)};
+}
 
 /// Dilutions for ranges to `anchors`, any contiguous range of Vec<S, D> [m], seen from `position`
 /// [m]. An anchor at the position itself has no direction and adds nothing. O(n·D²), no allocation.
@@ -43,11 +56,29 @@ template <std::ranges::contiguous_range A, class S = typename std::ranges::range
   const Ldlt<S, D> factor{information};
   if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
   const Mat<S, D> q = factor.inverse();
-  const S horizontal = q(0, 0) + q(1, 1);
-  const S vertical = D == 3 ? q(D - 1, D - 1) : S(0);
-  const S position_dilution = std::sqrt(horizontal + vertical);
-  if (!std::isfinite(position_dilution)) return std::unexpected(Error::DegenerateGeometry);
-  return Dop<S>{position_dilution, position_dilution, std::sqrt(horizontal), std::sqrt(vertical)};
+  return dilutions_of<S, D, D>(q);
+}
+
+/// Dilutions for pseudoranges to `anchors`, or for differences between them: σ of one arrival times
+/// `pdop` is the least rms error. As `range_dop`, with the common bias as one more unknown and
+/// D + 1 anchors at least.
+template <std::ranges::contiguous_range A, class S = typename std::ranges::range_value_t<A>::Scalar,
+          int D = std::ranges::range_value_t<A>::RowsAtCompileTime>
+  requires(D == 2 || D == 3)
+[[nodiscard]] Result<Dop<S>> pseudorange_dop(const A& anchors,
+                                             const std::type_identity_t<Vec<S, D>>& position) {
+  if (std::ranges::size(anchors) < static_cast<std::size_t>(D + 1)) {
+    return std::unexpected(Error::TooFewMeasurements);
+  }
+  if (!all_finite(position)) return std::unexpected(Error::NotFinite);
+  Mat<S, D + 1> information = Mat<S, D + 1>::Zero();
+  for (const Vec<S, D>& anchor : anchors) {
+    if (!all_finite(anchor)) return std::unexpected(Error::NotFinite);
+    add_outer(information, predict_pseudorange<S, D>(position, S(0), anchor).gradient, S(1));
+  }
+  const Ldlt<S, D + 1> factor{information};
+  if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
+  return dilutions_of<S, D, D + 1>(factor.inverse());
 }
 
 }  // namespace uwbpos

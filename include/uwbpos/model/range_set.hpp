@@ -66,12 +66,11 @@ inline constexpr int kNegativeRangeSigmas = 3;
 template <class S>
 inline constexpr S kSmallestSigma = S(1e-9);
 
-/// The first thing wrong with a set of ranges, or nothing. O(n), no allocation.
+/// The first thing wrong with a set of ranges of any sign, or nothing. O(n), no allocation.
 /// Error::TooFewMeasurements below `at_least`, Error::TooManyMeasurements above `kMaxMeasurements`;
-/// Error::NotFinite; Error::NonPositiveSigma below `kSmallestSigma`; Error::NegativeRange, more
-/// than three sigma below 0.
+/// Error::NotFinite; Error::NonPositiveSigma below `kSmallestSigma`.
 template <class S, int D>
-[[nodiscard]] std::optional<Error> check_ranges(RangeSpan<S, D> ranges, int at_least) {
+[[nodiscard]] std::optional<Error> check_range_values(RangeSpan<S, D> ranges, int at_least) {
   if (ranges.size() < static_cast<std::size_t>(at_least)) return Error::TooFewMeasurements;
   if (ranges.size() > static_cast<std::size_t>(kMaxMeasurements)) {
     return Error::TooManyMeasurements;
@@ -81,6 +80,15 @@ template <class S, int D>
       return Error::NotFinite;
     }
     if (!(r.sigma >= kSmallestSigma<S>)) return Error::NonPositiveSigma;
+  }
+  return std::nullopt;
+}
+
+/// The same for distances. Further: Error::NegativeRange, more than three sigma below zero.
+template <class S, int D>
+[[nodiscard]] std::optional<Error> check_ranges(RangeSpan<S, D> ranges, int at_least) {
+  if (const auto error = check_range_values<S, D>(ranges, at_least)) return error;
+  for (const RangeTo<S, D>& r : ranges) {
     if (r.range < -S(kNegativeRangeSigmas) * r.sigma) return Error::NegativeRange;
   }
   return std::nullopt;

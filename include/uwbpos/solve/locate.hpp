@@ -2,11 +2,14 @@
 #pragma once
 
 /// @file
-/// The front door: a position from whatever ranges there are. It takes the two roots of
+/// The front door: a position from whatever ranges or range differences there are. For ranges it
+/// takes the two roots of
 /// toa_roots.hpp, descends to the maximum likelihood of toa_least_squares.hpp from each that the
 /// measurements leave open, and answers the one that the measurements, or the caller's side or
 /// prior position, tell from its mirror image; or says that it cannot.
 
+#include "uwbpos/solve/tdoa_least_squares.hpp"
+#include "uwbpos/solve/tdoa_pairs.hpp"
 #include "uwbpos/solve/toa_least_squares.hpp"
 
 namespace uwbpos {
@@ -109,6 +112,28 @@ template <RangeSet R>
         {}) -> Result<Fix<RangeSetScalar<R>, kRangeSetDimension<R>>> {
   return detail::locate_ranges<RangeSetScalar<R>, kRangeSetDimension<R>>(as_range_span(ranges),
                                                                          options);
+}
+
+/// Position [m] from differences |p − aᵢ| − |p − reference| of arrivals with standard deviation
+/// `sigma` [m]: `tdoa_least_squares`, whose errors and cost are these. Takes D + 1…64 differences
+/// in general (D where the anchors and the caller's knowledge leave one answer).
+template <DifferenceSet R>
+[[nodiscard]] auto locate(
+    const std::type_identity_t<Vec<DifferenceScalar<R>, kDifferenceDimension<R>>>& reference,
+    const R& differences, std::type_identity_t<DifferenceScalar<R>> sigma,
+    const std::type_identity_t<LocateOptions<DifferenceScalar<R>, kDifferenceDimension<R>>>&
+        options = {}) -> Result<Fix<DifferenceScalar<R>, kDifferenceDimension<R>>> {
+  return tdoa_least_squares(reference, differences, sigma, options);
+}
+
+/// Position [m] from differences between any pairs of anchors: `tdoa_least_squares` for pairs,
+/// whose errors and cost are these.
+template <PairDifferenceSet R>
+[[nodiscard]] auto locate(
+    const R& differences,
+    const std::type_identity_t<LocateOptions<DifferenceScalar<R>, kDifferenceDimension<R>>>&
+        options = {}) -> Result<Fix<DifferenceScalar<R>, kDifferenceDimension<R>>> {
+  return tdoa_least_squares(differences, options);
 }
 
 }  // namespace uwbpos

@@ -40,12 +40,19 @@ template <class S, int D>
 /// Which of two images to answer.
 enum class MirrorChoice : std::uint8_t { First, Second, Unknown };
 
+/// True when χ² is within four standard deviations of what its degrees of freedom let expect, and
+/// a little. O(1).
+template <class S>
+[[nodiscard]] bool is_believable(S chi_squared, int degrees_of_freedom) {
+  const S freedom = static_cast<S>(degrees_of_freedom);
+  return chi_squared <= freedom + S(4) * std::sqrt(S(2) * freedom) + S(1);
+}
+
 /// True when `better` ≤ `worse`, the χ² of two images, rule the second out.
 /// `needed`: the Δχ² to ask for; `rounding`: the χ² that rounding alone may cause.
 template <class S>
 [[nodiscard]] bool rules_out(S better, S worse, int degrees_of_freedom, S needed, S rounding) {
-  const S freedom = static_cast<S>(degrees_of_freedom);
-  const bool believable = better <= freedom + S(4) * std::sqrt(S(2) * freedom) + S(1);
+  const bool believable = is_believable(better, degrees_of_freedom);
   if (worse - better > needed && (believable || worse > S(2) * better)) return true;
   return worse > S(1e4) * (better + rounding);
 }

@@ -3,16 +3,15 @@
 
 /// @file
 /// The line on which squared ranges put the tag, and the two points of it that they leave.
-/// Pivoted elimination of (2) in squared_ranges.hpp determines all of s but the direction v that
-/// the anchors span worst (exactly the normal of a ceiling, of a wall, of a row):
+/// (2) of squared_ranges.hpp determines all of s but along the direction v that the anchors span
+/// worst (exactly the normal of a ceiling, of a wall, of a row; weak_line.hpp):
 /// \f[ s = f + \tau v, \quad f \perp v, \qquad |s|^2 = \rho^2 \;\Rightarrow\;
 ///     \tau = \pm \sqrt{q}, \quad q = \rho^2 - |f|^2. \qquad (1) \f]
 /// (1) holds for every geometry, flat or not; what the linear system itself says about τ, nothing
 /// when the anchors are flat, tells the two roots apart.
 
-#include <utility>
-
 #include "uwbpos/solve/squared_ranges.hpp"
+#include "uwbpos/solve/weak_line.hpp"
 
 namespace uwbpos {
 
@@ -41,77 +40,19 @@ struct ToaRoots {
 /// Error::NumericOverflow.
 template <class S, int D>
 [[nodiscard]] Result<ToaRoots<S, D>> toa_roots(RangeSpan<S, D> ranges) {
-  constexpr S kLost = S(16 * D) * std::numeric_limits<S>::epsilon();
-  constexpr int kLast = D - 1;
   const SquaredRanges<S, D> system = squared_ranges<S, D>(ranges);
-  Mat<S, D> a = symmetric_from_lower(system.normal);
-  Vec<S, D> b = system.rhs;
-  int order[D];
-  for (int i = 0; i < D; ++i) order[i] = i;
-
-  S strongest = S(0);
-  S last_diagonal = a(kLast, kLast);
-  for (int k = 0; k < kLast; ++k) {
-    int best = k;
-    for (int i = k + 1; i < D; ++i) best = a(i, i) > a(best, best) ? i : best;
-    for (int i = 0; i < D; ++i) std::swap(a(k, i), a(best, i));
-    for (int i = 0; i < D; ++i) std::swap(a(i, k), a(i, best));
-    std::swap(b[k], b[best]);
-    std::swap(order[k], order[best]);
-    if (k == 0) strongest = a(0, 0);
-    if (!(a(k, k) > kLost * strongest) || !(strongest > S(0))) {
-      return std::unexpected(Error::DegenerateGeometry);
-    }
-    if (k == kLast - 1) last_diagonal = a(kLast, kLast);
-    for (int i = k + 1; i < D; ++i) {
-      const S factor = a(i, k) / a(k, k);
-      for (int j = k + 1; j < D; ++j) a(i, j) -= factor * a(k, j);
-      b[i] -= factor * b[k];
-    }
-  }
-
-  // Back substitution twice: with the last coordinate 0 (base), and its derivative (slope).
-  Vec<S, D> base;
-  Vec<S, D> slope;
-  base[kLast] = S(0);
-  slope[kLast] = S(1);
-  for (int k = kLast - 1; k >= 0; --k) {
-    S at_zero = b[k];
-    S derivative = S(0);
-    for (int j = k + 1; j < D; ++j) {
-      at_zero -= a(k, j) * base[j];
-      derivative -= a(k, j) * slope[j];
-    }
-    base[k] = at_zero / a(k, k);
-    slope[k] = derivative / a(k, k);
-  }
-  const S length = norm(slope);
-  const Vec<S, D> axis = slope / length;
-  const S along = dot(base, axis);
-  const Vec<S, D> foot = base - along * axis;
-
-  // var(q) = var(ρ²) + 4 fᵀ cov(f) f, with cov = normal⁻¹/4 of the strong block.
-  S spread = S(0);
-  Vec<S, D> z = foot;
-  for (int k = 0; k < kLast; ++k) {
-    spread += z[k] * z[k] / a(k, k);
-    for (int i = k + 1; i < kLast; ++i) z[i] -= a(k, i) / a(k, k) * z[k];
-  }
-
+  const Result<WeakLine<S, D>> line = weak_line<S, D>(system.normal, system.rhs);
+  if (!line) return std::unexpected(line.error());
   ToaRoots<S, D> roots;
   roots.center = system.center;
+  roots.foot = line->foot;
+  roots.direction = line->direction;
+  roots.square = system.rho_squared - squared_norm(line->foot);
+  // var(q) = var(ρ²) + 4 fᵀ cov(f) f, with cov = normal⁻¹/4 of the strong block.
+  roots.square_variance = S(1) / system.total_weight + line->foot_spread;
+  roots.linear = line->linear;
+  roots.linear_information = S(4) * line->information;
   roots.largest = system.largest;
-  roots.square = system.rho_squared - squared_norm(foot);
-  roots.square_variance = S(1) / system.total_weight + spread;
-  for (int i = 0; i < D; ++i) {
-    roots.foot[order[i]] = foot[i];
-    roots.direction[order[i]] = axis[i];
-  }
-  // The flat direction keeps only rounding noise of the diagonal that the elimination consumed.
-  const S pivot = a(kLast, kLast);
-  const bool flat = !(pivot > kLost * last_diagonal) || !(pivot > kLost * kLost * strongest);
-  roots.linear = flat ? S(0) : along + b[kLast] / pivot * length;
-  roots.linear_information = flat ? S(0) : S(4) * pivot / (length * length);
   if (!all_finite(roots.foot) || !all_finite(roots.direction) || !std::isfinite(roots.square) ||
       !std::isfinite(roots.square_variance) || !std::isfinite(roots.linear)) {
     return std::unexpected(Error::NumericOverflow);

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// What solvers accept as range differences: any contiguous range of `DifferenceTo<S, D>` or of
+/// `PairDifference<S, D>`, checked once, in one place.
+
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <ranges>
+#include <span>
+#include <type_traits>
+
+#include "uwbpos/model/range_set.hpp"
+
+namespace uwbpos {
+
+/// Scalar and dimension of a difference; empty for any other type.
+template <class T>
+struct DifferenceTraits {};
+
+template <class S, int D>
+struct DifferenceTraits<DifferenceTo<S, D>> {
+  using Scalar = S;
+  static constexpr int kDimension = D;
+  static constexpr bool kShared = true;
+};
+
+template <class S, int D>
+struct DifferenceTraits<PairDifference<S, D>> {
+  using Scalar = S;
+  static constexpr int kDimension = D;
+  static constexpr bool kShared = false;
+};
+
+/// The traits of what a range holds.
+template <class R>
+using DifferenceTraitsOf = DifferenceTraits<std::remove_cv_t<std::ranges::range_value_t<R>>>;
+
+/// A contiguous, sized range of `DifferenceTo<S, D>`, D = 2 or 3.
+template <class R>
+concept DifferenceSet =
+    std::ranges::contiguous_range<R> && std::ranges::sized_range<R> &&
+    DifferenceTraitsOf<R>::kShared &&
+    (DifferenceTraitsOf<R>::kDimension == 2 || DifferenceTraitsOf<R>::kDimension == 3);
+
+/// A contiguous, sized range of `PairDifference<S, D>`, D = 2 or 3.
+template <class R>
+concept PairDifferenceSet =
+    std::ranges::contiguous_range<R> && std::ranges::sized_range<R> &&
+    !DifferenceTraitsOf<R>::kShared &&
+    (DifferenceTraitsOf<R>::kDimension == 2 || DifferenceTraitsOf<R>::kDimension == 3);
+
+template <class R>
+using DifferenceScalar = typename DifferenceTraitsOf<R>::Scalar;
+
+template <class R>
+inline constexpr int kDifferenceDimension = DifferenceTraitsOf<R>::kDimension;
+
+/// How many standard deviations a difference may exceed its baseline by and still be noise.
+inline constexpr int kDifferenceSigmas = 5;
+
+/// The first thing wrong with differences against `reference`, or nothing. `sigma`: of one arrival
+/// [m]. O(n), no allocation.
+/// Error::TooFewMeasurements below `at_least`; Error::TooManyMeasurements above `kMaxMeasurements`;
+/// Error::NotFinite; Error::NonPositiveSigma below `kSmallestSigma`; Error::ImpossibleDifference,
+/// |d| > |a − a₀| by more than five standard deviations of a difference, √2 σ.
+template <class S, int D>
+[[nodiscard]] std::optional<Error> check_differences(
+    const Vec<S, D>& reference, std::span<const DifferenceTo<S, D>> differences, S sigma,
+    int at_least) {
+  if (differences.size() < static_cast<std::size_t>(at_least)) return Error::TooFewMeasurements;
+  if (differences.size() > static_cast<std::size_t>(kMaxMeasurements)) {
+    return Error::TooManyMeasurements;
+  }
+  if (!all_finite(reference) || !std::isfinite(sigma)) return Error::NotFinite;
+  if (!(sigma >= kSmallestSigma<S>)) return Error::NonPositiveSigma;
+  const S slack = S(kDifferenceSigmas) * S(1.4142135623730951) * sigma;
+  for (const DifferenceTo<S, D>& d : differences) {
+    if (!all_finite(d.anchor) || !std::isfinite(d.difference)) return Error::NotFinite;
+    const Vec<S, D> baseline = d.anchor - reference;
+    if (std::abs(d.difference) > norm(baseline) + slack) return Error::ImpossibleDifference;
+  }
+  return std::nullopt;
+}
+
+/// The same for differences of pairs, each with its own sigma.
+template <class S, int D>
+[[nodiscard]] std::optional<Error> check_pairs(std::span<const PairDifference<S, D>> pairs,
+                                               int at_least) {
+  if (pairs.size() < static_cast<std::size_t>(at_least)) return Error::TooFewMeasurements;
+  if (pairs.size() > static_cast<std::size_t>(kMaxMeasurements)) return Error::TooManyMeasurements;
+  for (const PairDifference<S, D>& d : pairs) {
+    if (!all_finite(d.anchor_a) || !all_finite(d.anchor_b) || !std::isfinite(d.difference) ||
+        !std::isfinite(d.sigma)) {
+      return Error::NotFinite;
+    }
+    if (!(d.sigma >= kSmallestSigma<S>)) return Error::NonPositiveSigma;
+    const Vec<S, D> baseline = d.anchor_b - d.anchor_a;
+    if (std::abs(d.difference) > norm(baseline) + S(kDifferenceSigmas) * d.sigma) {
+      return Error::ImpossibleDifference;
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace uwbpos

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// Ranges with one common bias in closed form, by any number of anchors, flat or not; Bancroft's
+/// solution (IEEE Trans. AES 21(1), 1985) is the minimum of it. With c and \f$ \bar\rho \f$ the
+/// weighted means of anchors and pseudoranges, \f$ u_i = a_i - c, \; \varrho_i = \rho_i - \bar\rho,
+/// \; s = p - c, \; \beta = b - \bar\rho \f$, the squares \f$ (\varrho_i - \beta)^2 =
+/// |s - u_i|^2 \f$ fall into their mean and the differences from it:
+/// \f[ |s|^2 - \beta^2 = \overline{\varrho^2 - |u|^2} =: \Lambda, \qquad
+///     u_i^T s - \varrho_i \beta = \tfrac12 (|u_i|^2 - \varrho_i^2 + \Lambda). \qquad (1), (2) \f]
+/// It is the system of squared_ranges.hpp in one dimension more, where (1) has the sign of
+/// space-time. (2) leaves a line in (s, β), (1) two points of it; both may be positions. Equal
+/// pseudoranges, the centre of a square, only turn the line along β.
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "uwbpos/model/pseudorange.hpp"
+#include "uwbpos/solve/weak_line.hpp"
+
+namespace uwbpos {
+
+/// A position [m] and the bias [m] that all pseudoranges share.
+template <class S, int D>
+struct BiasedPosition {
+  Vec<S, D> position;
+  S bias;
+};
+
+/// Where pseudoranges may come from: states (position, bias), relative to `center` and
+/// `mean_pseudorange`; the first `count` of two.
+template <class S, int D>
+struct PseudorangeRoots {
+  Vec<S, D> center;             ///< weighted mean of the anchors [m]
+  S mean_pseudorange;           ///< weighted mean of the pseudoranges [m]
+  Vec<S, D + 1> candidates[2];  ///< (s, β) [m]
+  int count;                    ///< 0, 1 or 2
+  S largest;                    ///< the greatest length met [m]
+
+  /// Candidate `i` in the anchors' frame.
+  [[nodiscard]] BiasedPosition<S, D> at(int i) const {
+    BiasedPosition<S, D> solution;
+    for (int k = 0; k < D; ++k) solution.position[k] = center[k] + candidates[i][k];
+    solution.bias = mean_pseudorange + candidates[i][D];
+    return solution;
+  }
+};
+
+/// Solves (1), (2) from checked pseudoranges, keeping the roots whose ranges are not negative.
+/// `near`: a solution whose bias gives the ranges that weigh the squares by 1/(r σ)²; without it
+/// all weigh by 1/σ². Where noise has left no real root, the point of the line nearest to one, and
+/// the linear system's own solution. O(n·D²), no allocation. Errors: Error::DegenerateGeometry,
+/// fewer than D directions of (s, β) determined; Error::NumericOverflow.
+template <class S, int D, PseudorangeView<S, D> V>
+[[nodiscard]] Result<PseudorangeRoots<S, D>> pseudorange_roots(
+    const V& view, const std::type_identity_t<BiasedPosition<S, D>>* near = nullptr) {
+  const std::size_t n = view.size();
+  const RangeTo<S, D> origin = view[0];
+  const auto weight = [&](const RangeTo<S, D>& r) {
+    // A range of less than a sigma would weigh without bound.
+    const S range = near ? std::max(r.range - near->bias, r.sigma) : S(1);
+    return S(1) / (range * range * r.sigma * r.sigma);
+  };
+  S total = S(0);
+  Vec<S, D> mean = Vec<S, D>::Zero();
+  S mean_range = S(0);
+  for (std::size_t i = 0; i < n; ++i) {
+    const RangeTo<S, D> r = view[i];
+    const S w = weight(r);
+    total += w;
+    mean += w * (r.anchor - origin.anchor);
+    mean_range += w * (r.range - origin.range);
+  }
+  mean /= total;
+  mean_range /= total;
+  const auto centered = [&](std::size_t i) {
+    const RangeTo<S, D> r = view[i];
+    const Vec<S, D> u = (r.anchor - origin.anchor) - mean;
+    Vec<S, D + 1> row;
+    for (int k = 0; k < D; ++k) row[k] = u[k];
+    row[D] = -((r.range - origin.range) - mean_range);
+    return std::pair{row, weight(r)};
+  };
+  const auto interval = [](const Vec<S, D + 1>& x, const Vec<S, D + 1>& y) {
+    S sum = x[0] * y[0];
+    for (int k = 1; k < D; ++k) sum += x[k] * y[k];
+    return sum - x[D] * y[D];
+  };
+
+  S lambda = S(0);
+  S largest = S(0);
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto [row, w] = centered(i);
+    lambda -= w * interval(row, row);
+    largest = std::max(largest, squared_norm(row));
+  }
+  lambda /= total;
+  Mat<S, D + 1> normal = Mat<S, D + 1>::Zero();
+  Vec<S, D + 1> rhs = Vec<S, D + 1>::Zero();
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto [row, w] = centered(i);
+    add_outer(normal, row, w);
+    rhs += (w * (interval(row, row) + lambda) / 2) * row;
+  }
+  const Result<WeakLine<S, D + 1>> line = weak_line<S, D + 1>(normal, rhs);
+  if (!line) return std::unexpected(line.error());
+
+  PseudorangeRoots<S, D> roots;
+  roots.center = origin.anchor + mean;
+  roots.mean_pseudorange = origin.range + mean_range;
+  roots.count = 0;
+  roots.largest = std::max(std::sqrt(largest), norm(line->foot));
+
+  // a τ² + 2 h τ + c = 0 of (1) on the line.
+  const S a = interval(line->direction, line->direction);
+  const S h = interval(line->foot, line->direction);
+  const S c = interval(line->foot, line->foot) - lambda;
+  const auto keep = [&](S tau) {
+    if (!std::isfinite(tau)) return;
+    const Vec<S, D + 1> state = line->foot + tau * line->direction;
+    const S slack = S(1e-3) * (roots.largest + norm(state));
+    for (std::size_t i = 0; i < n; ++i) {
+      const auto [row, w] = centered(i);
+      if (-row[D] - state[D] < -slack - S(3) * view[i].sigma) return;  // a negative range
+    }
+    roots.candidates[roots.count++] = state;
+  };
+  const S discriminant = h * h - a * c;
+  if (discriminant > S(0)) {
+    // The root that does not cancel, and the other by their product.
+    const S sum = -(h + std::copysign(std::sqrt(discriminant), h));
+    if (a != S(0)) keep(sum / a);
+    if (sum != S(0)) keep(c / sum);
+  } else {
+    keep(-h / a);
+  }
+  if (roots.count == 0 || !(discriminant > S(0))) {
+    if (roots.count < 2 && line->information > S(0)) keep(line->linear);
+  }
+  for (int i = 0; i < roots.count; ++i) {
+    if (!all_finite(roots.candidates[i])) return std::unexpected(Error::NumericOverflow);
+  }
+  if (!all_finite(roots.center) || !std::isfinite(roots.mean_pseudorange)) {
+    return std::unexpected(Error::NumericOverflow);
+  }
+  return roots;
+}
+
+/// Candidate `i` once more with the weights of its own ranges, relative to the same `center` and
+/// `mean_pseudorange`; itself where that fails. O(n·D²), no allocation.
+template <class S, int D, PseudorangeView<S, D> V>
+[[nodiscard]] Vec<S, D + 1> refined_candidate(const V& view, const PseudorangeRoots<S, D>& roots,
+                                              int i) {
+  const Vec<S, D + 1>& plain = roots.candidates[i];
+  const BiasedPosition<S, D> near = roots.at(i);
+  const auto refined = pseudorange_roots<S, D>(view, &near);
+  Vec<S, D + 1> best = plain;
+  S nearest = std::numeric_limits<S>::infinity();
+  for (int j = 0; refined && j < refined->count; ++j) {
+    Vec<S, D + 1> state = refined->candidates[j];
+    for (int k = 0; k < D; ++k) state[k] += refined->center[k] - roots.center[k];
+    state[D] += refined->mean_pseudorange - roots.mean_pseudorange;
+    const S distance = squared_norm<S, D + 1>(state - plain);
+    if (distance < nearest) {
+      nearest = distance;
+      best = state;
+    }
+  }
+  return best;
+}
+
+}  // namespace uwbpos
