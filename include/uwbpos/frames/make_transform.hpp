@@ -43,6 +43,26 @@ template <class S, int D>
   }
 }
 
+/// The motion whose error was found to be `xi` = (δt, θ), corrected: θ by Cayley's map, which
+/// departs from Exp by θ³/12. The covariance stays. Additions, products and divisions; no
+/// allocation.
+template <class S, int D>
+[[nodiscard]] Transform<S, D> corrected(Transform<S, D> a_T_b,
+                                        const std::type_identity_t<Vec<S, kTransformDof<D>>>& xi) {
+  const Vec<S, kTurnDof<D>> half = S(0.5) * xi.template tail<kTurnDof<D>>();
+  Mat<S, D> k;
+  if constexpr (D == 2) {
+    k << S(0), -half[0], half[0], S(0);
+  } else {
+    k << S(0), -half[2], half[1], half[2], S(0), -half[0], -half[1], half[0], S(0);
+  }
+  const S scale = S(2) / (S(1) + squared_norm(half));
+  const Mat<S, D> turn = Mat<S, D>::Identity() + scale * (k + product(k, k));
+  a_T_b.rotation = orthonormalised<S, D>(product(turn, a_T_b.rotation));
+  a_T_b.translation += xi.template head<D>();
+  return a_T_b;
+}
+
 /// Whether each diagonal entry is a variance, the matrix symmetric and no correlation above one
 /// (rounding apart): what a covariance satisfies and a typing mistake mostly does not. Zeros pass.
 template <class S, int N>

@@ -1,0 +1,283 @@
+// SPDX-License-Identifier: MIT
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "uwbpos/frames/fuse_fixes.hpp"
+
+#include "frames/scenes.hpp"
+#include "support/nees.hpp"
+#include "support/statistics.hpp"
+
+using namespace uwbpos;
+
+namespace {
+
+template <class S>
+using Fixes = std::vector<SubnetFix<S, 2>>;
+
+// Three subnets at (0, 0), (10, 0), (20, 0), turned by 0, 1 and 2 rad, known to `sigma` and
+// `sigma` / 10 m.
+template <class S>
+Subnets<S, 2, 4> three_subnets(S sigma = S(0)) {
+  Subnets<S, 2, 4> subnets;
+  for (std::uint32_t id = 1; id <= 3; ++id) {
+    Mat<S, 3> c = Mat<S, 3>::Identity() * (sigma * sigma);
+    c(2, 2) *= S(0.01);
+    const auto t = transform_from_yaw(static_cast<S>(id - 1), Vec<S, 2>{S(10) * S(id - 1), 0}, c);
+    REQUIRE(subnets.add({id, 100 + id, *t}));
+  }
+  return subnets;
+}
+
+// A fix of standard deviation `sigma` that the subnet's transform takes to `in_map`.
+template <class S>
+SubnetFix<S, 2> fix_at(const Subnets<S, 2, 4>& subnets, std::uint32_t id, Vec<S, 2> in_map,
+                       S sigma) {
+  const auto subnet_T_map = inverse(subnets.find(id)->map_T_subnet);
+  return {id, {apply(subnet_T_map, in_map), Mat<S, 2>::Identity() * (sigma * sigma), S(2), 3}};
+}
+
+}  // namespace
+
+TEST_CASE_TEMPLATE("one fix alone is the transformed fix", S, float, double) {
+  const auto subnets = three_subnets<S>(S(0.1));
+  const Fixes<S> fixes{fix_at<S>(subnets, 2, {12, 3}, S(0.2))};
+  const auto fused = fuse_fixes(subnets, fixes);
+  REQUIRE(fused);
+  const auto expected = apply(subnets.find(2)->map_T_subnet, fixes[0].fix);
+  CHECK(fused->fix.position == expected.position);
+  CHECK((fused->fix.covariance - expected.covariance).norm() < S(1e-6));
+  CHECK(fused->fix.chi_squared == S(2));
+  CHECK(fused->fix.degrees_of_freedom == 3);
+  CHECK(fused->heard == 1);
+  CHECK(fused->fused == 1);
+  CHECK(fused->used == std::array{true, false, false, false});
+  CHECK(fused->leading == 2);
+  CHECK(fused->disagreement == S(0));
+  CHECK(fused->disagreement_dof == 0);
+}
+
+TEST_CASE_TEMPLATE("fixes that agree are fused and counted", S, float, double) {
+  const auto subnets = three_subnets<S>();
+  const Fixes<S> fixes{fix_at<S>(subnets, 1, {5, 1}, S(0.2)),
+                       fix_at<S>(subnets, 3, {S(5.2), 1}, S(0.1))};
+  const auto fused = fuse_fixes(subnets, fixes);
+  REQUIRE(fused);
+  // Weights 25 and 100.
+  CHECK(fused->fix.position[0] == doctest::Approx(5.16));
+  CHECK(fused->fix.covariance(0, 0) == doctest::Approx(1.0 / 125).epsilon(1e-4));
+  CHECK(fused->disagreement == doctest::Approx(0.04 / 0.05).epsilon(1e-4));
+  CHECK(fused->disagreement_dof == 2);
+  CHECK(fused->fix.chi_squared == doctest::Approx(4 + 0.8).epsilon(1e-4));
+  CHECK(fused->fix.degrees_of_freedom == 8);
+  CHECK(fused->fused == 2);
+  CHECK(fused->leading == 3);
+}
+
+TEST_CASE_TEMPLATE("of two fixes that contradict the better is chosen, and said so", S, float,
+                   double) {
+  const auto subnets = three_subnets<S>();
+  const Fixes<S> fixes{fix_at<S>(subnets, 1, {5, 1}, S(0.2)),
+                       fix_at<S>(subnets, 2, {7, 1}, S(0.15))};
+  auto fused = fuse_fixes(subnets, fixes);
+  REQUIRE(fused);
+  CHECK(fused->heard == 2);
+  CHECK(fused->fused == 1);
+  CHECK(fused->leading == 2);
+  CHECK(fused->used == std::array{false, true, false, false});
+  CHECK(fused->fix.position[0] == doctest::Approx(7));
+  CHECK(fused->fix.covariance(0, 0) == doctest::Approx(0.0225));
+  CHECK(fused->fix.degrees_of_freedom == 3);
+  CHECK(fused->disagreement == doctest::Approx(64).epsilon(1e-3));
+  CHECK(fused->disagreement_dof == 2);
+
+  // The subnet that the tag had is kept while its fix is not much worse.
+  CHECK(fuse_fixes(subnets, fixes, {.preferred = 1})->leading == 1);
+  CHECK(fuse_fixes(subnets, fixes, {.preferred = 1, .preference = S(1.5)})->leading == 2);
+  CHECK(fuse_fixes(subnets, fixes, {.preferred = 3})->leading == 2);
+  // A preference is no veto where fixes agree.
+  CHECK(fuse_fixes(subnets, fixes, {.gate = S(20), .preferred = 1})->fused == 2);
+}
+
+TEST_CASE_TEMPLATE("of three fixes the odd one is left out, good as it claims to be", S, float,
+                   double) {
+  const auto subnets = three_subnets<S>(S(0.01));
+  for (std::uint32_t odd = 1; odd <= 3; ++odd) {
+    Fixes<S> fixes;
+    for (std::uint32_t id = 1; id <= 3; ++id) {
+      fixes.push_back(
+          fix_at<S>(subnets, id, {id == odd ? S(9) : S(5), 1}, id == odd ? S(0.05) : S(0.1)));
+    }
+    const auto fused = fuse_fixes(subnets, fixes);
+    REQUIRE(fused);
+    CHECK(fused->heard == 3);
+    CHECK(fused->fused == 2);
+    CHECK_FALSE(fused->used[odd - 1]);
+    CHECK(fused->leading != odd);
+    CHECK(fused->fix.position[0] == doctest::Approx(5).epsilon(1e-4));
+    CHECK(fused->disagreement_dof == 4);
+    CHECK(fused->disagreement > S(100));
+  }
+  // All three apart: one is left.
+  const Fixes<S> apart{fix_at<S>(subnets, 1, {5, 1}, S(0.2)), fix_at<S>(subnets, 2, {9, 1}, S(0.2)),
+                       fix_at<S>(subnets, 3, {15, 1}, S(0.1))};
+  const auto fused = fuse_fixes(subnets, apart);
+  REQUIRE(fused);
+  CHECK(fused->fused == 1);
+}
+
+TEST_CASE_TEMPLATE("the order of the fixes does not matter", S, float, double) {
+  sim::Random random{"order of fixes"};
+  const auto subnets = three_subnets<S>(S(0.1));
+  for (int trial = 0; trial < 50; ++trial) {
+    Fixes<S> fixes;
+    for (std::uint32_t id = 1; id <= 3; ++id) {
+      fixes.push_back(fix_at<S>(subnets, id, test::random_normal<S, 2>(random, S(0.2)),
+                                S(random.uniform(0.1, 0.3))));
+    }
+    const auto before = fuse_fixes(subnets, fixes);
+    test::shuffle(random, fixes);
+    const auto after = fuse_fixes(subnets, fixes);
+    REQUIRE(before);
+    REQUIRE(after);
+    CHECK(before->fused == after->fused);
+    CHECK(before->leading == after->leading);
+    // Variances of 0.01 … 0.1 m² at 30 m: conditions of some hundred.
+    const S tolerance = S(1e4) * std::numeric_limits<S>::epsilon();
+    CHECK((before->fix.position - after->fix.position).norm() < tolerance);
+    CHECK((before->fix.covariance - after->fix.covariance).norm() < tolerance);
+  }
+}
+
+TEST_CASE_TEMPLATE("a fused fix errs as it claims, and false contradictions are rare", S, float,
+                   double) {
+  sim::Random random{"fused nees"};
+  constexpr int trials = 6000;
+  double error = 0;
+  double disagreement = 0;
+  int split = 0;
+  const auto subnets = three_subnets<S>(S(0.1));
+  for (int trial = 0; trial < trials; ++trial) {
+    const Vec<double, 2> truth = test::random_in_cube<double, 2>(random, 8.0);
+    Fixes<S> fixes;
+    for (std::uint32_t id = 1; id <= 3; ++id) {
+      const auto believed = test::in_double(subnets.find(id)->map_T_subnet);
+      const auto actual = test::perturbed<2>(believed, test::draw<3>(random, believed.covariance));
+      const Mat<S, 2> c = test::random_covariance<S, 2>(random, 0.05, 0.3);
+      const Vec<double, 2> at = apply(inverse(actual), truth) +
+                                test::draw<2>(random, Mat<double, 2>{c.template cast<double>()});
+      fixes.push_back({id, {at.cast<S>(), c, S(0), 0}});
+    }
+    const auto fused = fuse_fixes(subnets, fixes);
+    REQUIRE(fused);
+    error +=
+        test::normalised_squared_error<S, 2>(fused->fix.position, fused->fix.covariance, truth);
+    disagreement += static_cast<double>(fused->disagreement);
+    split += fused->fused < fused->heard ? 1 : 0;
+  }
+  CHECK(test::mean_nees_interval(2, trials, 0.999).contains(error / trials));
+  CHECK(test::mean_nees_interval(4, trials, 0.999).contains(disagreement / trials));
+  CHECK(split <= 3);  // one in 30,000: above 3 of 6,000 less than one time in 10,000
+}
+
+TEST_CASE_TEMPLATE("overlaps teach the subnets how they lie to each other", S, float, double) {
+  sim::Random random{"learning"};
+  auto subnets = three_subnets<S>(S(0.3));
+  std::array<Transform<double, 2>, 3> actual;
+  for (int k = 0; k < 3; ++k) {
+    const auto believed = test::in_double(subnets[k].map_T_subnet);
+    actual[static_cast<std::size_t>(k)] =
+        test::perturbed<2>(believed, test::draw<3>(random, believed.covariance));
+  }
+  // How far subnets 1 and 2 put one tag apart, and how far they say that they may.
+  const auto apart = [&](const Vec<double, 2>& p) {
+    const auto one = apply(subnets[0].map_T_subnet, apply(inverse(actual[0]), p).cast<S>());
+    const auto two = apply(subnets[1].map_T_subnet, apply(inverse(actual[1]), p).cast<S>());
+    return static_cast<double>((one - two).norm());
+  };
+  const Vec<double, 2> middle{5, 0};
+  const double before = apart(middle);
+  const S own_before = subnets[0].map_T_subnet.covariance(0, 0);
+  const auto third = subnets[2].map_T_subnet;
+  for (int i = 0; i < 300; ++i) {
+    const Vec<double, 2> p = middle + test::random_in_cube<double, 2>(random, 3.0);
+    Fixes<S> fixes;
+    for (std::uint32_t id = 1; id <= 2; ++id) {
+      const Vec<double, 2> at =
+          apply(inverse(actual[id - 1]), p) + test::random_normal<double, 2>(random, 0.1);
+      fixes.push_back({id, {at.cast<S>(), Mat<S, 2>::Identity() * S(0.01), S(0), 0}});
+    }
+    const auto fused = fuse_and_learn(subnets, fixes, {.correlated_fixes = S(1)});
+    REQUIRE(fused);
+    CHECK(fused->fused == 2);
+  }
+  // 0.1 m · √2 / √300 = 8 mm, and learning ends at a thousandth of the variance, 4.5 mm.
+  CHECK(before > 0.1);
+  CHECK(apart(middle) < 0.03);
+  // Of where both lie together the overlap told at most half.
+  CHECK(subnets[0].map_T_subnet.covariance(0, 0) > S(0.45) * own_before);
+  CHECK(subnets[0].map_T_subnet.covariance(0, 0) < own_before);
+  CHECK(subnets.covariance(0, 1)(0, 0) > S(0.4) * own_before);
+  // The third subnet was not heard.
+  CHECK(subnets[2].map_T_subnet.translation == third.translation);
+  CHECK(subnets[2].map_T_subnet.covariance == third.covariance);
+  CHECK(subnets.covariance(0, 2).isZero(0));
+}
+
+TEST_CASE_TEMPLATE("nothing is learned from one subnet, from a contradiction or from an error", S,
+                   float, double) {
+  auto subnets = three_subnets<S>(S(0.05));
+  const auto errors = subnets.errors().covariance;
+  Fixes<S> fixes{fix_at<S>(subnets, 1, {5, 1}, S(0.1))};
+  CHECK(fuse_and_learn(subnets, fixes));
+  fixes.push_back(fix_at<S>(subnets, 2, {9, 1}, S(0.1)));
+  CHECK(fuse_and_learn(subnets, fixes)->fused == 1);
+  fixes[1].subnet = 9;
+  CHECK(fuse_and_learn(subnets, fixes).error() == Error::UnknownSubnet);
+  CHECK(subnets.errors().covariance == errors);
+  fixes[1] = fix_at<S>(subnets, 2, {S(5.1), 1}, S(0.1));
+  CHECK(fuse_and_learn(subnets, fixes)->fused == 2);
+  CHECK(subnets.errors().covariance != errors);
+}
+
+TEST_CASE_TEMPLATE("fixes that cannot be fused are refused by name", S, float, double) {
+  const S nan = std::numeric_limits<S>::quiet_NaN();
+  auto subnets = three_subnets<S>(S(0.1));
+  const auto good = fix_at<S>(subnets, 1, {5, 1}, S(0.1));
+  const auto other = fix_at<S>(subnets, 2, {5, 1}, S(0.1));
+  const auto error = [&](const Fixes<S>& fixes, FuseOptions<S> options = {}) {
+    const auto fused = fuse_fixes(subnets, fixes, options);
+    const auto learned = fuse_and_learn(subnets, fixes, options);
+    REQUIRE_FALSE(fused);
+    REQUIRE_FALSE(learned);
+    CHECK(fused.error() == learned.error());
+    return fused.error();
+  };
+  CHECK(error({}) == Error::TooFewMeasurements);
+  CHECK(error({good, good, good, good, good}) == Error::TooManyMeasurements);
+  CHECK(error({good, good}) == Error::DuplicateSubnet);
+  auto bad = other;
+  bad.subnet = 17;
+  CHECK(error({good, bad}) == Error::UnknownSubnet);
+  bad = other;
+  bad.fix.position[1] = nan;
+  CHECK(error({good, bad}) == Error::NotFinite);
+  bad = other;
+  bad.fix.covariance(0, 0) = nan;
+  CHECK(error({good, bad}) == Error::NotFinite);
+  bad.fix.covariance.setZero();
+  CHECK(error({bad}) == Error::InvalidCovariance);
+  bad.fix.covariance << 1, 2, 2, 1;
+  CHECK(error({good, bad}) == Error::InvalidCovariance);
+  CHECK(error({good}, {.gate = 0}) == Error::InvalidOption);
+  CHECK(error({good}, {.gate = nan}) == Error::InvalidOption);
+  CHECK(error({good}, {.preference = S(0.5)}) == Error::InvalidOption);
+  CHECK(error({good}, {.correlated_fixes = S(0.5)}) == Error::InvalidOption);
+  CHECK(error({good}, {.correlated_fixes = std::numeric_limits<S>::infinity()}) ==
+        Error::InvalidOption);
+  CHECK(fuse_fixes(subnets, Fixes<S>{good, other}));
+}
