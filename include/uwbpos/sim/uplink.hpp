@@ -111,8 +111,9 @@ class UplinkSimulation {
 
   // When it is whose turn for the n-th time: `count` of them, one after the other.
   static double turn(std::int64_t n, int count, double phase, double rate) {
-    return (static_cast<double>(n / count) + (static_cast<double>(n % count) + phase) / count) /
-           rate;
+    const std::int64_t round = n / count;
+    const std::int64_t place = n % count;
+    return (static_cast<double>(round) + (static_cast<double>(place) + phase) / count) / rate;
   }
 
   UplinkEvent sync_frame(Instant begin) {

@@ -50,15 +50,13 @@ class ClockFilter {
   /// Both states from two events, of which `later` was seen later: exact, with the covariance
   /// of two measurements of variance `noise` [ticks²] and the wander between them.
   ClockFilter(const ClockPair<S>& earlier, const ClockPair<S>& later, S noise, S wander)
-      : base_{later} {
+      : base_{later}, p00_{noise} {
     const std::int64_t run = later.anchor - earlier.anchor;
-    const std::int64_t gained = difference(earlier, later);
+    const std::int64_t scaled = difference(earlier, later) * kSpan;
     const S s = spans(run);
-    const std::int64_t scaled = gained * kSpan;
     rate_ = scaled / run;
     rest_ = static_cast<S>(scaled - rate_ * run) / static_cast<S>(run) +
             (later.fraction - earlier.fraction) / s;
-    p00_ = noise;
     p01_ = noise / s;
     p11_ = 2 * noise / (s * s) + wander * s / 3;
     settle();

@@ -99,7 +99,7 @@ class ClockSync {
   [[nodiscard]] Result<Measured<S>> used(const ClockPair<S>& pair, std::int64_t host);
 
   ClockSyncOptions<S> options_{};
-  ClockFilter<S> filter_{};
+  ClockFilter<S> filter_;
   ClockPair<S> suspect_{};  // the first frame, or the last that departed
   std::int64_t host_ = 0;   // of the last frame used, or the first
   int departures_ = 0;
