@@ -36,6 +36,7 @@
 #include "uwbpos/ranging/twr_common.hpp"
 #include "uwbpos/ranging/uplink_subnet.hpp"
 #include "uwbpos/solve/bancroft.hpp"
+#include "uwbpos/solve/exclude_outliers.hpp"
 #include "uwbpos/solve/fix.hpp"
 #include "uwbpos/solve/locate.hpp"
 #include "uwbpos/solve/mirror_choice.hpp"

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// Fault detection and exclusion: a fix from the measurements that agree with each other. While the
+/// χ² of a fix exceeds what noise allows at ν degrees of freedom,
+/// \f[ \chi^2 > \nu \left( 1 - \tfrac{2}{9\nu} + z \sqrt{\tfrac{2}{9\nu}} \right)^3 \f]
+/// (Wilson, Hilferty 1931; z the normal quantile of the confidence), the measurement without which
+/// χ² falls most is left out, as receivers of satellite navigation have done since Parkinson and
+/// Axelrad (Navigation 35(2), 1988). What remains keeps a degree of freedom, or nothing would have
+/// been tested.
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "uwbpos/solve/locate.hpp"
+
+namespace uwbpos {
+
+/// `max_excluded`: most measurements to leave out. `normal_quantile`: z above; 3.09 lets 1 in 1000
+/// good sets be suspected.
+template <class S>
+struct ExclusionOptions {
+  int max_excluded = 2;
+  S normal_quantile = S(3.09);
+};
+
+/// A fix and what it was made without: bit i of `excluded` stands for measurement i.
+/// `consistent`: the χ² test was passed, or there was no redundancy to test with.
+template <class S, int D>
+struct ExclusionFix {
+  Fix<S, D> fix;
+  std::uint64_t excluded;
+  int excluded_count;
+  bool consistent;
+};
+
+/// Scalar and dimension of whatever `locate` takes as a set.
+template <class R>
+using MeasurementScalar = typename decltype(locate(std::declval<const R&>())->position)::Scalar;
+
+template <class R>
+inline constexpr int kMeasurementDimension =
+    decltype(locate(std::declval<const R&>())->position)::RowsAtCompileTime;
+
+/// Position [m] from ranges or differences of pairs, outliers left out. `locate` over up to
+/// 1 + `max_excluded` · n subsets; no allocation, a copy of the measurements on the stack.
+/// Errors: those of `locate` for the whole set where no subset does better; Error::InvalidOption,
+/// a negative `max_excluded` or a quantile that is not finite.
+template <class R>
+  requires RangeSet<R> || PairDifferenceSet<R>
+[[nodiscard]] auto locate_excluding(
+    const R& measurements,
+    const std::type_identity_t<LocateOptions<MeasurementScalar<R>, kMeasurementDimension<R>>>&
+        options = {},
+    const std::type_identity_t<ExclusionOptions<MeasurementScalar<R>>>& exclusion = {})
+    -> Result<ExclusionFix<MeasurementScalar<R>, kMeasurementDimension<R>>> {
+  using S = MeasurementScalar<R>;
+  constexpr int D = kMeasurementDimension<R>;
+  using Measurement = std::remove_cv_t<std::ranges::range_value_t<R>>;
+  if (exclusion.max_excluded < 0 || !std::isfinite(exclusion.normal_quantile)) {
+    return std::unexpected(Error::InvalidOption);
+  }
+  const std::span<const Measurement> all{std::ranges::data(measurements),
+                                         std::ranges::size(measurements)};
+  const auto passes = [&](const Fix<S, D>& fix) {
+    const S freedom = static_cast<S>(fix.degrees_of_freedom);
+    if (!(freedom > S(0))) return true;
+    const S spread = S(2) / (S(9) * freedom);
+    const S root = S(1) - spread + exclusion.normal_quantile * std::sqrt(spread);
+    return fix.chi_squared <= freedom * root * root * root;
+  };
+
+  Result<Fix<S, D>> fix = locate(all, options);
+  std::uint64_t excluded = 0;
+  int count = 0;
+  while (all.size() <= static_cast<std::size_t>(kMaxMeasurements) && (!fix || !passes(*fix)) &&
+         count<exclusion.max_excluded&& static_cast<int>(all.size()) - count - 1> D) {
+    Result<Fix<S, D>> best = fix;
+    S lowest = fix ? fix->chi_squared : std::numeric_limits<S>::infinity();
+    std::uint64_t dropped = 0;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const std::uint64_t bit = std::uint64_t{1} << i;
+      if ((excluded & bit) != 0) continue;
+      std::array<Measurement, kMaxMeasurements> kept;
+      std::size_t size = 0;
+      for (std::size_t j = 0; j < all.size(); ++j) {
+        if (((excluded | bit) >> j & 1) == 0) kept[size++] = all[j];
+      }
+      const Result<Fix<S, D>> without =
+          locate(std::span<const Measurement>{kept.data(), size}, options);
+      if (without && without->chi_squared < lowest) {
+        lowest = without->chi_squared;
+        best = without;
+        dropped = bit;
+      }
+    }
+    if (dropped == 0) break;
+    fix = best;
+    excluded |= dropped;
+    ++count;
+  }
+  if (!fix) return std::unexpected(fix.error());
+  return ExclusionFix<S, D>{*fix, excluded, count, passes(*fix)};
+}
+
+}  // namespace uwbpos
