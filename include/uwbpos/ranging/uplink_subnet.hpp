@@ -56,7 +56,7 @@ struct BlinkDifferences {
   }
 };
 
-/// Anchors, their trackers, and what turns blinks into differences. About 200 bytes an anchor;
+/// Anchors, their trackers, and what turns blinks into differences. About 150 bytes an anchor;
 /// never allocates.
 template <class S, int D, int Capacity = 16>
 class UplinkSubnet {
@@ -125,9 +125,8 @@ class UplinkSubnet {
 
   UplinkSubnet(const Anchors<S, D, Capacity>& anchors, std::uint32_t control_id,
                const ClockSyncOptions<S>& sync_options, const TdoaUplinkOptions<S>& options)
-      : anchors_{anchors}, options_{options} {
+      : anchors_{anchors}, options_{options}, control_{find(control_id).value_or(0)} {
     syncs_.fill(ClockSync<S>{sync_options});
-    control_ = find(control_id).value_or(0);
   }
 
   [[nodiscard]] Result<std::size_t> find(std::uint32_t id) const {

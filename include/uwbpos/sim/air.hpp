@@ -46,7 +46,7 @@ struct Reception {
   double excess = 0;      ///< and more than that [m]
 };
 
-/// Devices and links of a running site. About 60 kB; never allocates.
+/// Devices and links of a running site. About 40 kB; never allocates.
 class Air {
  public:
   /// Draws the devices of a valid site.

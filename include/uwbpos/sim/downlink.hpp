@@ -60,7 +60,7 @@ struct Packet {
   std::array<TagReception, kMaxTags> tags{};     ///< by the tags' places in the site
 };
 
-/// A run in progress. About 150 kB, the scenario among it; never allocates.
+/// A run in progress. About 100 kB, the scenario among it; never allocates.
 class DownlinkSimulation {
  public:
   /// Draws the devices. Errors: InvalidOption (counts beyond their arrays, anything outside its

@@ -69,7 +69,7 @@ struct Blink {
 /// What happens next.
 using UplinkEvent = std::variant<SyncFrame, Blink>;
 
-/// A run in progress. About 100 kB, the scenario among it; never allocates.
+/// A run in progress. About 50 kB, the scenario among it; never allocates.
 class UplinkSimulation {
  public:
   /// Draws the devices. Errors: InvalidOption (counts beyond their arrays, anything outside its

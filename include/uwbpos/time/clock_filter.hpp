@@ -40,7 +40,7 @@ template <class S>
 
 /// Phase and rate of (1) with their covariance. Time is counted in spans of 2^36 ticks (1.08 s),
 /// rates in ticks a span, wherever nothing else is said; events of one call lie less than half a
-/// wrap (8.6 s) apart. Nothing fails, nothing allocates; 56 bytes in float.
+/// wrap (8.6 s) apart. Nothing fails, nothing allocates; 48 bytes in float.
 template <class S>
 class ClockFilter {
  public:

@@ -26,7 +26,7 @@
 namespace uwbpos {
 
 /// Follows the control anchor's clock from one anchor's receptions of its sync frames, and turns
-/// that anchor's stamps into control time. About 150 bytes; O(1), never allocates.
+/// that anchor's stamps into control time. 136 bytes in float; O(1), never allocates.
 template <class S>
 class ClockSync {
  public:
