@@ -18,7 +18,6 @@ namespace {
 
 using namespace uwbpos;
 
-constexpr double kSpeed = kSpeedOfLightAir<double>;
 constexpr std::uint32_t kControl = 4;
 
 // Six anchors, the control anchor in the middle of the ids, a tag that drives.
