@@ -32,10 +32,17 @@ template <RangeSet R>
   const auto at = [&](S tau) -> Vec<S, D> { return foot + tau * roots->direction; };
   if (roots->flat()) {
     const S root = roots->square > roots->rounding() ? std::sqrt(roots->square) : S(0);
-    return Mirror<S, D>{at(root), at(-root)};
+    const Mirror<S, D> images{at(root), at(-root)};
+    if (!all_finite(images.first) || !all_finite(images.second)) {
+      return std::unexpected(Error::NumericOverflow);
+    }
+    return images;
   }
   const RootChoice<S> choice = weigh_roots(*roots);
   Mirror<S, D> images{at(choice.likely), at(choice.two_minima ? choice.other : choice.likely)};
+  if (!all_finite(images.first) || !all_finite(images.second)) {
+    return std::unexpected(Error::NumericOverflow);
+  }
   S better = chi_squared<S, D>(span, images.first);
   S worse = chi_squared<S, D>(span, images.second);
   if (worse < better) {
