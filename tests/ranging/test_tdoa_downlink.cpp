@@ -322,6 +322,7 @@ TEST_CASE_TEMPLATE("Every refusal has its name", S, float, double) {
   bad = good;
   bad.b_tx = bad.a_rx_at_b + 6'400'000'000;
   CHECK(refused(bad, rate, seconds) == Error::TooOld);
+  CHECK(refused(good, {S(0), std::numeric_limits<S>::max()}, seconds) == Error::NumericOverflow);
   // The stamps of another packet.
   bad = good;
   bad.b_tx = bad.b_tx + 300'000;

@@ -197,6 +197,28 @@ TEST_CASE("Float and double convert alike to a tenth of a millimetre of light pa
   }
 }
 
+TEST_CASE("A long gap after short ones leaves float's variances as they are in double") {
+  // The rate's variance falls by 1e-7 in one step: subtracted, as textbooks have it, nothing but
+  // rounding would be left of it in float, or less than nothing.
+  SyncBench bench{"short, then long"};
+  bench.host_latency = 0;
+  ClockSyncOptions<float> rough;
+  rough.wander = 0;
+  ClockSyncOptions<double> fine;
+  fine.wander = 0;
+  ClockSync<float> single{rough};
+  ClockSync<double> precise{fine};
+  for (const double gap : {0.1, 0.001, 0.001, 4.0, 0.001, 4.5, 4.9}) {
+    bench.wait(gap);
+    const SyncFrame frame = bench.frame();
+    const auto a = feed(single, bench, frame);
+    const auto b = feed(precise, bench, frame);
+    REQUIRE(a.has_value() == b.has_value());
+    if (!a) continue;
+    CHECK(static_cast<double>(a->variance) == doctest::Approx(b->variance).epsilon(1e-5));
+  }
+}
+
 TEST_CASE_TEMPLATE("Counters that wrap between frames, either or both, cost nothing", S, float,
                    double) {
   for (const std::uint64_t control : {0ULL, 5ULL, 1ULL << 39, (1ULL << 40) - 1}) {

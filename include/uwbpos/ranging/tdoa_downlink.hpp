@@ -69,6 +69,7 @@ struct TdoaDownlinkOptions {
 /// - TooOld: A's packet lies more than `max_interval` back, on either clock.
 /// - RangeBeyondMaximum: the difference exceeds `max_difference`: stamps of different packets,
 ///   most likely.
+/// - NumericOverflow: the rate's variance is beyond all bounds.
 template <class S>
 [[nodiscard]] Result<Measured<S>> tdoa_downlink_difference(
     const DownlinkStamps& stamps, const Measured<S>& rate, S flight,
@@ -105,8 +106,10 @@ template <class S>
   const S difference = o.propagation_speed * (ticks * kTickSeconds<S> - known);
   if (std::abs(difference) > o.max_difference) return std::unexpected(Error::RangeBeyondMaximum);
   const S sigma = o.sigma_timestamp;
-  const S variance = 3 * sigma * sigma + interval * interval * rate.variance;
-  return Measured<S>{difference, o.propagation_speed * o.propagation_speed * variance};
+  const S variance = o.propagation_speed * o.propagation_speed *
+                     (3 * sigma * sigma + interval * interval * rate.variance);
+  if (!std::isfinite(variance)) return std::unexpected(Error::NumericOverflow);
+  return Measured<S>{difference, variance};
 }
 
 }  // namespace uwbpos

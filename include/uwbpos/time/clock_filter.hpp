@@ -12,6 +12,13 @@
 /// An event seen at c by one and, with white noise of variance r, at a by the other measures
 ///   (3) \f$ \nu = c - c(a),\quad K = P'_{\cdot 0}/(P'_{00} + r),\quad
 ///       P = P' - K\,P'_{0 \cdot} \f$.
+/// P is kept as \f$ P_{00},\ g = P_{01}/P_{00},\ w = P_{11} - g P_{01} \f$, in which (2) and (3)
+/// are
+///   (4) \f$ P'_{00} = P_{00}(1 + s g)^2 + s^2 w + q^2 s^3/3,\quad
+///       P'_{01} = g P_{00} (1 + s g) + s w + q^2 s^2/2,\quad
+///       P'_{00} w' = P_{00} w + q^2 s\,(P_{00} + s P_{01} + s^2 P_{11}/3 + q^2 s^3/12) \f$;
+///       a measurement scales P00 by \f$ r/(P'_{00} + r) \f$ and leaves g and w as they are:
+/// sums of positive terms, so that no variance is negative, in float either.
 /// δ is an integer of 2^-36 and a rest, so that \f$ \delta (a - a_0) \f$ is exact in 64 bits while
 /// |δ| < 2^-12 (244 ppm): only what is left below a few ticks is a float.
 
@@ -50,15 +57,15 @@ class ClockFilter {
   /// Both states from two events, of which `later` was seen later: exact, with the covariance
   /// of two measurements of variance `noise` [ticks²] and the wander between them.
   ClockFilter(const ClockPair<S>& earlier, const ClockPair<S>& later, S noise, S wander)
-      : base_{later}, p00_{noise} {
+      : base_{later}, phase_{noise} {
     const std::int64_t run = later.anchor - earlier.anchor;
     const std::int64_t scaled = difference(earlier, later) * kSpan;
     const S s = spans(run);
     rate_ = scaled / run;
     rest_ = static_cast<S>(scaled - rate_ * run) / static_cast<S>(run) +
             (later.fraction - earlier.fraction) / s;
-    p01_ = noise / s;
-    p11_ = 2 * noise / (s * s) + wander * s / 3;
+    slope_ = 1 / s;
+    given_phase_ = noise / (s * s) + wander * s / 3;
     settle();
   }
 
@@ -96,45 +103,47 @@ class ClockFilter {
   /// Equation (1): what the control clock shows when the other shows `anchor`.
   [[nodiscard]] ClockPair<S> at(DeviceTime<> anchor) const { return carried(base_, anchor); }
 
-  /// Variance of its phase [ticks²], P'00 of (2); before the last event an approximation.
+  /// Variance of its phase [ticks²], P'00 of (4); before the last event an approximation.
   [[nodiscard]] S variance_at(DeviceTime<> anchor, S wander) const {
     const S s = spans(anchor - base_.anchor);
-    return p00_ + s * (2 * p01_ + s * p11_) + wander * std::abs(s * s * s) / 3;
+    const S grown = 1 + s * slope_;
+    return phase_ * grown * grown + s * s * (given_phase_ + wander * std::abs(s) / 3);
   }
 
   /// Variance of the rate at a later event.
   [[nodiscard]] S rate_variance_at(DeviceTime<> anchor, S wander) const {
-    return p11_ + wander * std::abs(spans(anchor - base_.anchor));
+    return rate_variance() + wander * std::abs(spans(anchor - base_.anchor));
   }
 
-  /// Equations (2) and (3): `departure` ν [ticks] of an event from `at` that same time.
+  /// Equations (3) and (4): `departure` ν [ticks] of an event from `at` that same time, which lies
+  /// after the last.
   void correct(DeviceTime<> anchor, S departure, S noise, S wander) {
     const S s = spans(anchor - base_.anchor);
-    const S p00 = variance_at(anchor, wander);
-    const S p01 = p01_ + s * p11_ + wander * s * s / 2;
-    const S p11 = rate_variance_at(anchor, wander);
-    const S total = p00 + noise;
+    const S phase = variance_at(anchor, wander);
+    const S both = slope_ * phase_ * (1 + s * slope_) + s * (given_phase_ + wander * s / 2);
+    const S sum = phase_ * (1 + s * slope_) + s * s * (rate_variance() + wander * s / 4) / 3;
+    given_phase_ = given_phase_ * (phase_ / phase) + wander * s * (sum / phase);
+    slope_ = both / phase;
+    const S total = phase + noise;
     base_ = at(anchor);
-    base_.fraction += p00 / total * departure;
-    rest_ += p01 / total * departure;
-    p00_ = p00 * noise / total;
-    p01_ = p01 * noise / total;
-    p11_ = p11 - p01 * p01 / total;
+    base_.fraction += phase / total * departure;
+    rest_ += both / total * departure;
+    phase_ = phase * noise / total;
     settle();
   }
 
   /// A new phase from an event, the rate as it was.
   void relock(const ClockPair<S>& event, S noise, S wander) {
-    p11_ = rate_variance_at(event.anchor, wander);
-    p00_ = noise;
-    p01_ = 0;
+    given_phase_ = rate_variance_at(event.anchor, wander);
+    phase_ = noise;
+    slope_ = 0;
     base_ = event;
     settle();
   }
 
   /// δ, a fraction, and its variance as of the last event.
   [[nodiscard]] Measured<S> rate() const {
-    return {(static_cast<S>(rate_) + rest_) * kUnit, p11_ * kUnit * kUnit};
+    return {(static_cast<S>(rate_) + rest_) * kUnit, rate_variance() * kUnit * kUnit};
   }
 
   /// The last event that was used, as filtered.
@@ -142,6 +151,8 @@ class ClockFilter {
 
  private:
   static constexpr std::int64_t kSpan = std::int64_t{1} << 36;
+
+  [[nodiscard]] S rate_variance() const { return given_phase_ + slope_ * slope_ * phase_; }
 
   // Whole ticks and whole units of the rate become integers.
   void settle() {
@@ -156,9 +167,9 @@ class ClockFilter {
   ClockPair<S> base_{};
   std::int64_t rate_ = 0;
   S rest_{};
-  S p00_{};
-  S p01_{};
-  S p11_{};
+  S phase_{};        // P00
+  S slope_{};        // g
+  S given_phase_{};  // w
 };
 
 }  // namespace uwbpos

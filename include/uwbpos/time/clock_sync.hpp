@@ -122,7 +122,7 @@ Result<Measured<S>> ClockSync<S>::update(DeviceTime<> control_tx, DeviceTime<> a
   std::int64_t gap = 0;
   const bool overflow = __builtin_sub_overflow(host, host_, &gap);
   if (host <= host_) {
-    if (overflow || -gap > options_.reorder_window) restart(pair, host, Error::TimeNotIncreasing);
+    if (overflow || gap < -options_.reorder_window) restart(pair, host, Error::TimeNotIncreasing);
     return std::unexpected(Error::TimeNotIncreasing);
   }
   if (overflow || gap > options_.max_gap) {
