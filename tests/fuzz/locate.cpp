@@ -19,53 +19,19 @@
 #include "uwbpos/solve/toa_linear.hpp"
 
 #include "bytes.hpp"
+#include "checks.hpp"
 
 namespace {
 
-using uwbpos::fuzz::Bytes;
-using uwbpos::fuzz::require;
+using namespace uwbpos::fuzz;
 
 // More than any solver takes, so that the limit is met too.
 constexpr std::size_t kMost = uwbpos::kMaxMeasurements + 2;
 
 template <class S, int D>
-void check_covariance(const uwbpos::Mat<S, D>& covariance) {
-  // A few roundings of the two variances that bound the covariance.
-  constexpr S kRounding = 64 * std::numeric_limits<S>::epsilon();
-  for (int i = 0; i < D; ++i) {
-    require(std::isfinite(covariance(i, i)) && covariance(i, i) >= 0, "variances are not negative");
-    for (int j = 0; j < i; ++j) {
-      const S mean = std::sqrt(covariance(i, i)) * std::sqrt(covariance(j, j));
-      require(std::abs(covariance(i, j)) <= mean * (1 + kRounding), "correlations are within one");
-      require(std::abs(covariance(i, j) - covariance(j, i)) <= mean * kRounding,
-              "the covariance is symmetric");
-    }
-  }
-}
-
-template <class S, int D>
-void check(const uwbpos::Result<uwbpos::Fix<S, D>>& fix, std::size_t ranges) {
-  if (!fix) {
-    require(!uwbpos::describe(fix.error()).empty(), "every error has a description");
-    return;
-  }
-  for (const S coordinate : fix->position) require(std::isfinite(coordinate), "finite position");
-  require(fix->chi_squared >= 0, "chi squared is not negative");
-  require(fix->degrees_of_freedom == static_cast<int>(ranges) - D, "degrees of freedom");
-  check_covariance<S, D>(fix->covariance);
-}
-
-template <class S, int D>
 void run(Bytes bytes) {
-  uwbpos::LocateOptions<S, D> options;
   const auto flags = bytes.take<std::uint8_t>();
-  if ((flags & 1) != 0) {
-    for (S& coordinate : options.side) coordinate = bytes.number(S(1));
-  }
-  if ((flags & 2) != 0) {
-    options.prior.emplace();
-    for (S& coordinate : *options.prior) coordinate = bytes.number(S(0.01));
-  }
+  const auto options = take_options<S, D>(bytes, flags);
   std::array<uwbpos::RangeTo<S, D>, kMost> storage;
   std::array<uwbpos::Vec<S, D>, kMost> anchors;
   std::size_t count = 0;

@@ -5,11 +5,15 @@
 #include <doctest/doctest.h>
 
 #include "uwbpos/accuracy/dop.hpp"
+#include "uwbpos/solve/bancroft.hpp"
+#include "uwbpos/solve/exclude_outliers.hpp"
 #include "uwbpos/solve/locate.hpp"
+#include "uwbpos/solve/tdoa_chan.hpp"
+#include "uwbpos/solve/tdoa_fang.hpp"
 #include "uwbpos/solve/toa_chan.hpp"
 #include "uwbpos/solve/toa_linear.hpp"
 
-#include "solve/rooms.hpp"
+#include "solve/difference_rooms.hpp"
 
 namespace {
 
@@ -40,6 +44,14 @@ TEST_CASE_TEMPLATE("no solver and no bound touches the heap", S, float, double) 
   const auto plane = test::random_room<S, 2>(random, 5, 5);
   std::vector<Vec<S, 3>> anchors;
   for (const auto& r : room.ranges) anchors.push_back(r.anchor);
+  const auto heard = test::differences_between<S, 3>(room.tag, anchors);
+  auto fewest = heard.differences;
+  fewest.resize(3);
+  std::vector<PairDifference<S, 3>> pairs;
+  for (std::size_t i = 1; i < anchors.size(); ++i) {
+    const auto& a = anchors[i - 1];
+    pairs.push_back({a, anchors[i], test::true_difference<S, 3>(room.tag, a, anchors[i])});
+  }
 
   const std::size_t before = allocations;
   int solved = 0;
@@ -52,8 +64,15 @@ TEST_CASE_TEMPLATE("no solver and no bound touches the heap", S, float, double) 
   solved += toa_least_squares(room.ranges) ? 1 : 0;
   solved += range_dop(anchors, room.tag) ? 1 : 0;
   solved += cramer_rao_bound(room.ranges, room.tag) ? 1 : 0;
+  solved += locate(heard.reference, heard.differences, S(0.1)) ? 1 : 0;
+  solved += tdoa_chan(heard.reference, heard.differences, S(0.1)) ? 1 : 0;
+  solved += tdoa_fang(heard.reference, fewest) ? 1 : 0;
+  solved += bancroft(room.ranges) ? 1 : 0;
+  solved += locate_with_bias(room.ranges) ? 1 : 0;
+  solved += locate(pairs) ? 1 : 0;
+  solved += locate_excluding(room.ranges) ? 1 : 0;
   const std::size_t after = allocations;
-  CHECK(solved == 9);
+  CHECK(solved == 16);
   CHECK(after == before);
 
   // The count does count.

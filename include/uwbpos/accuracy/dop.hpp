@@ -25,14 +25,19 @@ struct Dop {
   S tdop;  ///< of the common bias
 };
 
-/// The dilutions in Q, position first and bias, if N > D, last.
+/// The dilutions by GᵀG of N unknowns, the position first and a bias, if N > D, last. O(N³).
+/// Error::DegenerateGeometry, an unknown is not determined.
 template <class S, int D, int N>
-[[nodiscard]] Dop<S> dilutions_of(const Mat<S, N>& q) {
-  const S horizontal = q(0, 0) + q(1, 1);
-  const S vertical = D == 3 ? q(D - 1, D - 1) : S(0);
-  const S bias = N > D ? q(N - 1, N - 1) : S(0);
-  return {std::sqrt(horizontal + vertical + bias), std::sqrt(horizontal + vertical),
-          std::sqrt(horizontal), std::sqrt(vertical), std::sqrt(bias)};
+[[nodiscard]] Result<Dop<S>> dilutions_of(const Mat<S, N>& information) {
+  const Result<Mat<S, N>> q = bound_of(information);
+  if (!q) return std::unexpected(q.error());
+  const S horizontal = (*q)(0, 0) + (*q)(1, 1);
+  const S vertical = D == 3 ? (*q)(D - 1, D - 1) : S(0);
+  const S bias = N > D ? (*q)(N - 1, N - 1) : S(0);
+  const S all = horizontal + vertical + bias;
+  if (!std::isfinite(all)) return std::unexpected(Error::DegenerateGeometry);
+  return Dop<S>{std::sqrt(all), std::sqrt(horizontal + vertical), std::sqrt(horizontal),
+                std::sqrt(vertical), std::sqrt(bias)};
 }
 
 /// Dilutions for ranges to `anchors`, any contiguous range of Vec<S, D> [m], seen from `position`
@@ -53,10 +58,7 @@ template <std::ranges::contiguous_range A, class S = typename std::ranges::range
     if (!all_finite(anchor)) return std::unexpected(Error::NotFinite);
     add_outer(information, predict_range<S, D>(position, anchor).gradient, S(1));
   }
-  const Ldlt<S, D> factor{information};
-  if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
-  const Mat<S, D> q = factor.inverse();
-  return dilutions_of<S, D, D>(q);
+  return dilutions_of<S, D, D>(information);
 }
 
 /// Dilutions for pseudoranges to `anchors`, or for differences between them: σ of one arrival times
@@ -76,9 +78,7 @@ template <std::ranges::contiguous_range A, class S = typename std::ranges::range
     if (!all_finite(anchor)) return std::unexpected(Error::NotFinite);
     add_outer(information, predict_pseudorange<S, D>(position, S(0), anchor).gradient, S(1));
   }
-  const Ldlt<S, D + 1> factor{information};
-  if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
-  return dilutions_of<S, D, D + 1>(factor.inverse());
+  return dilutions_of<S, D, D + 1>(information);
 }
 
 }  // namespace uwbpos

@@ -204,15 +204,13 @@ template <PairDifferenceSet R>
   }
   if (options.prior) try_from(*options.prior - center);
   if (!first || !potentials->connected || !is_believable(first->chi_squared, freedom)) {
-    Vec<S, D> start = Vec<S, D>::Constant(-largest / 2);
-    for (int k = 0; k < D;) {  // counts through the grid, one axis carrying into the next
-      if (k == 0) try_from(start);
-      start[k] += largest / 4;
-      if (start[k] <= S(0.6) * largest) {
-        k = 0;
-      } else {
-        start[k++] = -largest / 2;
+    constexpr int kPlaces = D == 2 ? 25 : 125;
+    for (int place = 0; place < kPlaces; ++place) {
+      Vec<S, D> start;
+      for (int k = 0, rest = place; k < D; ++k, rest /= 5) {
+        start[k] = largest * (static_cast<S>(rest % 5) / S(4) - S(0.5));
       }
+      try_from(start);
     }
   }
   if (!first) return std::unexpected(Error::DegenerateGeometry);

@@ -53,6 +53,9 @@ template <RangeSet R>
   if (rules_out(better, worse, freedom, S(9), chi_squared_rounding<S, D>(span, roots->largest))) {
     images.second = images.first;
   }
+  if (!all_finite(images.first) || !all_finite(images.second)) {
+    return std::unexpected(Error::NumericOverflow);
+  }
   return images;
 }
 
