@@ -221,6 +221,50 @@ TEST_CASE("A blocked tag shows in its differences, and losses only take some awa
   CHECK(test::root_mean_square(b.errors) > 5 * test::root_mean_square(a.errors));
 }
 
+TEST_CASE("An anchor that restarts is refused by name until its clock is known again") {
+  auto scenario = hall(17, 0.1e-9);
+  scenario.site.radio.loss = 0;
+  auto run = sim::UplinkSimulation::start(scenario);
+  REQUIRE(run);
+  const sim::Subnet& subnet = scenario.site.subnets[0];
+  Chain<double> chain{{}};
+  const int restarted = 5;
+  bool done = false;
+  int refused = 0;
+  int wrong = 0;
+  while (const auto event = run->next()) {
+    if (const auto* frame = std::get_if<sim::SyncFrame>(&*event)) {
+      chain.feed(subnet, *frame);
+      continue;
+    }
+    const auto& blink = std::get<sim::Blink>(*event);
+    if (blink.sequence < 26) continue;
+    for (int anchor = 1; anchor < subnet.anchors.size(); ++anchor) {
+      const auto d = chain.difference(subnet, blink, anchor);
+      if (!d) {
+        CHECK(anchor == restarted);
+        // Before the first frame that tells, the stamp alone does.
+        CHECK((d.error() == Error::ClockJump || d.error() == Error::TooOld ||
+               d.error() == Error::RangeBeyondMaximum));
+        ++refused;
+        continue;
+      }
+      const auto& r = blink.receptions[0];
+      const double truth = r[static_cast<std::size_t>(anchor)].distance - r[0].distance;
+      if (std::abs(d->value - truth) > 6 * std::sqrt(d->variance)) ++wrong;
+    }
+    if (!done && blink.sequence == 200) {
+      run->air().anchor(0, restarted).clock.reading = {.ticks = 1234, .fraction = 0.5};
+      done = true;
+    }
+  }
+  CHECK(done);
+  // A frame tells, the next settles: two periods of 0.1 s hold three blinks at most.
+  CHECK(refused >= 1);
+  CHECK(refused <= 3);
+  CHECK(wrong == 0);
+}
+
 TEST_CASE_TEMPLATE("Exact stamps give the exact difference, with any delay and across wraps", S,
                    float, double) {
   const std::int64_t apart = 4321;
