@@ -41,6 +41,7 @@
 #include "uwbpos/solve/locate.hpp"
 #include "uwbpos/solve/mirror_choice.hpp"
 #include "uwbpos/solve/newton.hpp"
+#include "uwbpos/solve/pair_potentials.hpp"
 #include "uwbpos/solve/pseudorange_least_squares.hpp"
 #include "uwbpos/solve/pseudorange_roots.hpp"
 #include "uwbpos/solve/squared_ranges.hpp"

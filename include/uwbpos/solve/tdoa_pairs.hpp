@@ -5,114 +5,16 @@
 /// Maximum-likelihood position from range differences between any pairs of anchors, which no
 /// reference shares: the minimum of
 /// \f[ \chi^2(p) = \sum (d_i - |p - b_i| + |p - a_i|)^2 / \sigma_i^2 \qquad (1) \f]
-/// by the descent of newton.hpp. Its start: pairs that hang together give every anchor a potential,
-/// a pseudorange but for a common bias, by least squares over the graph (relaxed a few times);
-/// those go through the closed form of pseudorange_roots.hpp. Pairs too scattered for that are
+/// by the descent of newton.hpp. Its start: the potentials of pair_potentials.hpp through the
+/// closed form of pseudorange_roots.hpp. Pairs too scattered for that are
 /// descended from a grid of 5^D places about the anchors' middle.
 
-#include <array>
-
 #include "uwbpos/model/range_difference.hpp"
-#include "uwbpos/solve/fix.hpp"
 #include "uwbpos/solve/mirror_choice.hpp"
+#include "uwbpos/solve/pair_potentials.hpp"
 #include "uwbpos/solve/pseudorange_roots.hpp"
 
 namespace uwbpos {
-
-template <class S, int D>
-using PairSpan = std::span<const PairDifference<S, D>>;
-
-/// The anchors of the largest set of pairs that hang together, as pseudoranges.
-template <class S, int D>
-struct PairPotentials {
-  std::array<RangeTo<S, D>, kMaxMeasurements> anchors;
-  std::size_t size = 0;
-  bool connected = true;  ///< no pair was left out
-
-  /// The entries in use.
-  [[nodiscard]] RangeSpan<S, D> span() const { return {anchors.data(), size}; }
-};
-
-/// Potentials of the largest connected set of anchors, relaxed over its pairs. O(n²), about
-/// 90 bytes of stack per pair in double, no allocation. Error::TooManyMeasurements, more than
-/// `kMaxMeasurements` anchors.
-template <class S, int D>
-[[nodiscard]] Result<PairPotentials<S, D>> pair_potentials(PairSpan<S, D> pairs) {
-  constexpr auto kMost = static_cast<std::size_t>(kMaxMeasurements);
-  PairPotentials<S, D> nodes;
-  std::array<std::uint8_t, kMost> from;
-  std::array<std::uint8_t, kMost> to;
-  const auto node_of = [&](const Vec<S, D>& anchor) -> std::size_t {
-    for (std::size_t i = 0; i < nodes.size; ++i) {
-      if (nodes.anchors[i].anchor == anchor) return i;
-    }
-    if (nodes.size < kMost) nodes.anchors[nodes.size] = {anchor, S(0), S(1)};
-    return nodes.size++;
-  };
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    from[i] = static_cast<std::uint8_t>(node_of(pairs[i].anchor_a));
-    if (nodes.size > kMost) return std::unexpected(Error::TooManyMeasurements);
-    to[i] = static_cast<std::uint8_t>(node_of(pairs[i].anchor_b));
-    if (nodes.size > kMost) return std::unexpected(Error::TooManyMeasurements);
-  }
-
-  // Connected sets by the smallest node in each, and potentials along the first way found.
-  std::array<std::uint8_t, kMost> set{};
-  for (std::size_t i = 0; i < nodes.size; ++i) set[i] = static_cast<std::uint8_t>(i);
-  for (bool changed = true; changed;) {
-    changed = false;
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const std::size_t a = from[i];
-      const std::size_t b = to[i];
-      if (set[a] == set[b]) continue;
-      changed = true;
-      const std::size_t follow = set[a] < set[b] ? b : a;
-      const S shift = follow == b
-                          ? nodes.anchors[a].range + pairs[i].difference - nodes.anchors[b].range
-                          : nodes.anchors[b].range - pairs[i].difference - nodes.anchors[a].range;
-      const std::uint8_t old = set[follow];
-      const std::uint8_t joined = std::min(set[a], set[b]);
-      for (std::size_t j = 0; j < nodes.size; ++j) {
-        if (set[j] != old) continue;
-        set[j] = joined;
-        nodes.anchors[j].range += shift;
-      }
-    }
-  }
-  std::array<std::uint8_t, kMost> members{};
-  std::size_t largest = 0;
-  for (std::size_t i = 0; i < nodes.size; ++i) {
-    if (++members[set[i]] > members[largest]) largest = set[i];
-  }
-
-  // Half-way to each node's weighted mean over its pairs: converges on every graph.
-  for (int sweep = 0; sweep < 8; ++sweep) {
-    std::array<S, kMost> sum{};
-    std::array<S, kMost> weights{};
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const S w = S(1) / (pairs[i].sigma * pairs[i].sigma);
-      const S excess =
-          nodes.anchors[from[i]].range + pairs[i].difference - nodes.anchors[to[i]].range;
-      sum[to[i]] += w * excess;
-      sum[from[i]] -= w * excess;
-      weights[to[i]] += w;
-      weights[from[i]] += w;
-    }
-    for (std::size_t i = 0; i < nodes.size; ++i)
-      nodes.anchors[i].range += sum[i] / (2 * weights[i]);
-  }
-  S sigma = S(0);
-  for (const PairDifference<S, D>& d : pairs) sigma = std::max(sigma, d.sigma);
-  std::size_t kept = 0;
-  for (std::size_t i = 0; i < nodes.size; ++i) {
-    if (set[i] != largest) continue;
-    nodes.anchors[kept] = nodes.anchors[i];
-    nodes.anchors[kept++].sigma = sigma;
-  }
-  nodes.connected = kept == nodes.size;
-  nodes.size = kept;
-  return nodes;
-}
 
 /// The normal equations of (1) at `position`, relative to `center`. O(n·D²), no allocation.
 template <class S, int D>
@@ -192,18 +94,24 @@ template <PairDifferenceSet R>
   };
 
   const RangeSpan<S, D> anchors = potentials->span();
-  if (anchors.size() > static_cast<std::size_t>(D)) {
-    if (const auto roots = pseudorange_roots<S, D>(anchors); roots) {
-      for (int i = 0; i < roots->count; ++i) {
-        const Vec<S, D + 1> state = refined_candidate<S, D>(anchors, *roots, i);
-        Vec<S, D> start;
-        for (int k = 0; k < D; ++k) start[k] = state[k] + roots->center[k] - center[k];
-        try_from(start);
-      }
-    }
+  Result<PseudorangeRoots<S, D>> roots = std::unexpected(Error::TooFewMeasurements);
+  if (anchors.size() > static_cast<std::size_t>(D)) roots = pseudorange_roots<S, D>(anchors);
+  const auto relative_to_center = [&](const Vec<S, D + 1>& state) {
+    Vec<S, D> start;
+    for (int k = 0; k < D; ++k) start[k] = state[k] + roots->center[k] - center[k];
+    return start;
+  };
+  for (int i = 0; roots && i < roots->count; ++i) {
+    try_from(relative_to_center(refined_candidate<S, D>(anchors, *roots, i)));
   }
   if (options.prior) try_from(*options.prior - center);
-  if (!first || !potentials->connected || !is_believable(first->chi_squared, freedom)) {
+  if (first && !is_believable(first->chi_squared, freedom)) {
+    for (int i = 0; roots && i < roots->count; ++i) {
+      try_from(relative_to_center(roots->candidates[i]));
+    }
+    try_from(Vec<S, D>::Zero());
+  }
+  if (!first || !potentials->connected) {
     constexpr int kPlaces = D == 2 ? 25 : 125;
     for (int place = 0; place < kPlaces; ++place) {
       Vec<S, D> start;
