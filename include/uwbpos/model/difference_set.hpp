@@ -20,18 +20,20 @@ namespace uwbpos {
 template <class T>
 struct DifferenceTraits {};
 
+/// Those of a difference against a shared reference.
 template <class S, int D>
 struct DifferenceTraits<DifferenceTo<S, D>> {
-  using Scalar = S;
-  static constexpr int kDimension = D;
-  static constexpr bool kShared = true;
+  using Scalar = S;                      ///< of all its numbers
+  static constexpr int kDimension = D;   ///< of its anchor
+  static constexpr bool kShared = true;  ///< one reference for all
 };
 
+/// Those of a difference between two anchors of its own.
 template <class S, int D>
 struct DifferenceTraits<PairDifference<S, D>> {
-  using Scalar = S;
-  static constexpr int kDimension = D;
-  static constexpr bool kShared = false;
+  using Scalar = S;                       ///< of all its numbers
+  static constexpr int kDimension = D;    ///< of its anchors
+  static constexpr bool kShared = false;  ///< no reference that others share
 };
 
 /// The traits of what a range holds.
@@ -52,9 +54,11 @@ concept PairDifferenceSet =
     !DifferenceTraitsOf<R>::kShared &&
     (DifferenceTraitsOf<R>::kDimension == 2 || DifferenceTraitsOf<R>::kDimension == 3);
 
+/// The scalar of a range of differences.
 template <class R>
 using DifferenceScalar = typename DifferenceTraitsOf<R>::Scalar;
 
+/// The dimension of a range of differences.
 template <class R>
 inline constexpr int kDifferenceDimension = DifferenceTraitsOf<R>::kDimension;
 

@@ -12,8 +12,8 @@ namespace uwbpos {
 /// The two solutions, equal where there is one; the first fits no worse.
 template <class S, int D>
 struct BancroftSolution {
-  BiasedPosition<S, D> first;
-  BiasedPosition<S, D> second;
+  BiasedPosition<S, D> first;   ///< fits no worse
+  BiasedPosition<S, D> second;  ///< the other root
 };
 
 /// The solutions that n ≥ D + 1 pseudoranges [m] allow. Exact on exact pseudoranges; weighted by

@@ -23,24 +23,25 @@ namespace uwbpos {
 /// good sets be suspected.
 template <class S>
 struct ExclusionOptions {
-  int max_excluded = 2;
-  S normal_quantile = S(3.09);
+  int max_excluded = 2;         ///< most measurements to leave out
+  S normal_quantile = S(3.09);  ///< z
 };
 
 /// A fix and what it was made without: bit i of `excluded` stands for measurement i.
 /// `consistent`: the χ² test was passed, or there was no redundancy to test with.
 template <class S, int D>
 struct ExclusionFix {
-  Fix<S, D> fix;
-  std::uint64_t excluded;
-  int excluded_count;
-  bool consistent;
+  Fix<S, D> fix;           ///< of the measurements kept
+  std::uint64_t excluded;  ///< bit i: measurement i was left out
+  int excluded_count;      ///< how many bits are set
+  bool consistent;         ///< χ² passed, or had nothing to test
 };
 
-/// Scalar and dimension of whatever `locate` takes as a set.
+/// The scalar of whatever `locate` takes as a set.
 template <class R>
 using MeasurementScalar = typename decltype(locate(std::declval<const R&>())->position)::Scalar;
 
+/// The dimension of whatever `locate` takes as a set.
 template <class R>
 inline constexpr int kMeasurementDimension =
     decltype(locate(std::declval<const R&>())->position)::RowsAtCompileTime;

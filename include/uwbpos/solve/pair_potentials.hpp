@@ -22,9 +22,9 @@ using PairSpan = std::span<const PairDifference<S, D>>;
 /// The anchors of the largest set of pairs that hang together, as pseudoranges.
 template <class S, int D>
 struct PairPotentials {
-  std::array<RangeTo<S, D>, kMaxMeasurements> anchors;
-  std::size_t size = 0;
-  bool connected = true;  ///< no pair was left out
+  std::array<RangeTo<S, D>, kMaxMeasurements> anchors;  ///< the first `size` count
+  std::size_t size = 0;                                 ///< entries in use
+  bool connected = true;                                ///< no pair was left out
 
   /// The entries in use.
   [[nodiscard]] RangeSpan<S, D> span() const { return {anchors.data(), size}; }

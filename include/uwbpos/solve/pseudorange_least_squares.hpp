@@ -16,11 +16,11 @@ namespace uwbpos {
 /// (position, bias) [m²]; χ² at the solution; measurements − unknowns.
 template <class S, int D>
 struct BiasedFix {
-  Vec<S, D> position;
-  S bias;
-  Mat<S, D + 1> covariance;
-  S chi_squared;
-  int degrees_of_freedom;
+  Vec<S, D> position;        ///< [m]
+  S bias;                    ///< [m]
+  Mat<S, D + 1> covariance;  ///< of (position, bias) [m²]
+  S chi_squared;             ///< at the solution
+  int degrees_of_freedom;    ///< measurements − unknowns
 };
 
 /// The normal equations at (position, bias), relative to `center` and `mean`. O(n·D²).

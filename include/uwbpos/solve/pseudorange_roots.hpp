@@ -26,8 +26,8 @@ namespace uwbpos {
 /// A position [m] and the bias [m] that all pseudoranges share.
 template <class S, int D>
 struct BiasedPosition {
-  Vec<S, D> position;
-  S bias;
+  Vec<S, D> position;  ///< [m]
+  S bias;              ///< [m]
 };
 
 /// Where pseudoranges may come from: states (position, bias), relative to `center` and

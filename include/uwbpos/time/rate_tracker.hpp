@@ -144,7 +144,7 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
   std::int64_t gap = 0;
   const bool overflow = __builtin_sub_overflow(host, host_, &gap);
   if (host <= host_) {
-    if (overflow || -gap > options_.reorder_window) restart(a, b, host, Error::TimeNotIncreasing);
+    if (overflow || gap < -options_.reorder_window) restart(a, b, host, Error::TimeNotIncreasing);
     return std::unexpected(Error::TimeNotIncreasing);
   }
   if (overflow || gap > options_.max_gap) {
