@@ -228,6 +228,103 @@ TEST_CASE_TEMPLATE("overlaps teach the subnets how they lie to each other", S, f
   CHECK(subnets.covariance(0, 2).isZero(0));
 }
 
+TEST_CASE_TEMPLATE("transforms far worse than the fixes are learned and exhaust no digits", S,
+                   float, double) {
+  sim::Random random{"coarse transforms"};
+  Subnets<S, 3, 3> subnets;
+  std::array<Transform<double, 3>, 3> actual;
+  for (std::uint32_t id = 0; id < 3; ++id) {
+    auto believed = exact(test::random_transform<double, 3>(random));
+    believed.covariance.diagonal() << 1, 1, 1, 0.01, 0.01, 0.01;  // 1 m and 6°; fixes of 2 cm
+    actual[id] = test::perturbed<3>(believed, test::draw<6>(random, believed.covariance));
+    REQUIRE(subnets.add({id,
+                         0,
+                         {.rotation = believed.rotation.template cast<S>(),
+                          .translation = believed.translation.template cast<S>(),
+                          .covariance = believed.covariance.template cast<S>()}}));
+  }
+  double first = 0;
+  double last = 0;
+  int contradictions = 0;
+  constexpr int rounds = 3000;
+  for (int i = 0; i < rounds; ++i) {
+    const Vec<double, 3> p = test::random_in_cube<double, 3>(random, 20.0);
+    std::vector<SubnetFix<S, 3>> fixes;
+    for (std::uint32_t k = 0; k < 2; ++k) {
+      const std::uint32_t id = (static_cast<std::uint32_t>(i) + k) % 3;
+      const Vec<double, 3> at =
+          apply(inverse(actual[id]), p) + test::random_normal<double, 3>(random, 0.02);
+      fixes.push_back({id, {at.cast<S>(), Mat<S, 3>::Identity() * S(0.0004), S(0), 0}});
+    }
+    const auto one = apply(subnets.find(fixes[0].subnet)->map_T_subnet, fixes[0].fix.position);
+    const auto two = apply(subnets.find(fixes[1].subnet)->map_T_subnet, fixes[1].fix.position);
+    if (i < 3) first += static_cast<double>((one - two).norm()) / 3;
+    if (i >= rounds - 100) last += static_cast<double>((one - two).norm()) / 100;
+    const auto fused = fuse_and_learn(subnets, fixes);
+    REQUIRE(fused);
+    contradictions += fused->fused < 2 ? 1 : 0;
+  }
+  CHECK(contradictions == 0);
+  CHECK(first > 1);
+  // In double down to the noise: 0.02 · √6 = 49 mm, and as much for what is left of rotations 70 m
+  // from the map's origin. A float stops at a thousand ε of (1 m)² + (0.1 · 35 m)²: 0.05 m each
+  // way.
+  CHECK(last < (sizeof(S) == 4 ? 0.25 : 0.1));
+}
+
+TEST_CASE("errors that persist for ten fixes do not make the transforms overconfident") {
+  sim::Random random{"persisting errors"};
+  constexpr int trials = 400;
+  double counted = 0;
+  double believed = 0;
+  for (int trial = 0; trial < trials; ++trial) {
+    auto subnets = three_subnets<double>(0.1);
+    auto naive = subnets;
+    std::array<Transform<double, 2>, 2> actual;
+    for (int k = 0; k < 2; ++k) {
+      const auto t = subnets[k].map_T_subnet;
+      actual[static_cast<std::size_t>(k)] =
+          test::perturbed<2>(t, test::draw<3>(random, t.covariance));
+    }
+    std::array<Vec<double, 2>, 2> noise;
+    for (int i = 0; i < 100; ++i) {
+      const Vec<double, 2> p = test::random_in_cube<double, 2>(random, 5.0);
+      std::vector<SubnetFix<double, 2>> fixes;
+      for (std::uint32_t k = 0; k < 2; ++k) {
+        if (i % 10 == 0) noise[k] = test::random_normal<double, 2>(random, 0.1);
+        const Vec<double, 2> at = apply(inverse(actual[k]), p) + noise[k];
+        fixes.push_back({k + 1, {at, Mat<double, 2>::Identity() * 0.01, 0, 0}});
+      }
+      REQUIRE(fuse_and_learn(subnets, fixes));
+      REQUIRE(fuse_and_learn(naive, fixes, {.correlated_fixes = 1}));
+    }
+    // The distance that the two put between the places of one point, over what they claim.
+    const auto over_claim = [&](const Subnets<double, 2, 4>& by) {
+      const Vec<double, 2> p{1, 1};
+      Vec<double, 2> apart = Vec<double, 2>::Zero();
+      Mat<double, 2> claimed = Mat<double, 2>::Zero();
+      std::array<Eigen::Matrix<double, 2, 3>, 2> j;
+      for (int k = 0; k < 2; ++k) {
+        const auto at = apply(inverse(actual[static_cast<std::size_t>(k)]), p);
+        apart += (k == 0 ? 1 : -1) * apply(by[k].map_T_subnet, at);
+        j[static_cast<std::size_t>(k)] = point_jacobian(by[k].map_T_subnet, at);
+      }
+      for (int a = 0; a < 2; ++a) {
+        for (int b = 0; b < 2; ++b) {
+          claimed += (a == b ? 1 : -1) * j[static_cast<std::size_t>(a)] * by.covariance(a, b) *
+                     j[static_cast<std::size_t>(b)].transpose();
+        }
+      }
+      return test::normalised_squared_error<double, 2>(apart, claimed, Vec<double, 2>::Zero());
+    };
+    counted += over_claim(subnets);
+    believed += over_claim(naive);
+  }
+  CHECK(counted / trials < test::mean_nees_interval(2, trials, 0.999).high);
+  CHECK(counted / trials > 1);
+  CHECK(believed / trials > 4);  // what ten times too much confidence does
+}
+
 TEST_CASE_TEMPLATE("nothing is learned from one subnet, from a contradiction or from an error", S,
                    float, double) {
   auto subnets = three_subnets<S>(S(0.05));

@@ -69,7 +69,8 @@ void fix_laws(sim::Random& random) {
   // A motion without error turns the covariance and keeps its size.
   const Fix<S, D> turned = apply(exact(a_T_b), fix);
   CHECK(turned.position == moved.position);
-  CHECK(turned.covariance.trace() == doctest::Approx(fix.covariance.trace()).epsilon(1e-5));
+  CHECK(static_cast<double>(turned.covariance.trace()) ==
+        doctest::Approx(static_cast<double>(fix.covariance.trace())).epsilon(1e-5));
   const Fix<S, D> back = apply(exact(inverse(a_T_b)), turned);
   CHECK((back.covariance - fix.covariance).norm() <
         S(100) * std::numeric_limits<S>::epsilon() * fix.covariance.norm());

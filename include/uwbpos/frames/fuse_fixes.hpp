@@ -11,6 +11,7 @@
 /// transforms. So when the tag leaves the old subnet, the new one has been brought to where the old
 /// one was. What stays is the error that both have in common, and every fix's covariance holds it.
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
@@ -148,27 +149,39 @@ template <class S, int D, int Capacity>
   return fuse_heard<S, D>(subnets, fixes, *heard, options);
 }
 
-/// Whether fixes may still tell something of the transforms: not once the errors between them make
-/// up less than a thousandth of the variance of the fixes' differences.
+/// How two sightings may lie to each other for what their transforms are not known, the trace [m²]
+/// of cov(J_a ξ_a − J_b ξ_b); zero where that is less than rounding leaves of it.
 template <class S, int D, int Capacity>
-[[nodiscard]] bool worth_learning(const Subnets<S, D, Capacity>& subnets,
-                                  std::span<const Sighting<S, D>> sightings) {
-  const Sighting<S, D>& a = sightings.front();
-  for (const Sighting<S, D>& b : sightings.subspan(1)) {
-    const Mat<S, D> mixed =
-        product(product(a.jacobian, subnets.covariance(a.slot, b.slot)), transposed(b.jacobian));
-    const S systematic = congruence(a.jacobian, subnets.covariance(a.slot, a.slot)).trace() +
-                         congruence(b.jacobian, subnets.covariance(b.slot, b.slot)).trace() -
-                         S(2) * mixed.trace();
-    if (systematic > S(1e-3) * (a.noise.trace() + b.noise.trace())) return true;
-  }
-  return false;
+[[nodiscard]] S systematic_variance(const Subnets<S, D, Capacity>& subnets, const Sighting<S, D>& a,
+                                    const Sighting<S, D>& b) {
+  const S own = congruence(a.jacobian, subnets.covariance(a.slot, a.slot)).trace() +
+                congruence(b.jacobian, subnets.covariance(b.slot, b.slot)).trace();
+  const S shared =
+      product(product(a.jacobian, subnets.covariance(a.slot, b.slot)), transposed(b.jacobian))
+          .trace();
+  const S left = own - S(2) * shared;
+  return left > S(1000) * std::numeric_limits<S>::epsilon() * own ? left : S(0);
+}
+
+/// What the first order leaves out of two sightings' difference [m²]: the square of θ²·r, θ the
+/// turn of their subnets against each other and r the longer arm.
+template <class S, int D, int Capacity>
+[[nodiscard]] S second_order_variance(const Subnets<S, D, Capacity>& subnets,
+                                      const Sighting<S, D>& a, const Sighting<S, D>& b) {
+  constexpr int K = kTurnDof<D>;
+  const Mat<S, kTransformDof<D>> difference =
+      subnets.covariance(a.slot, a.slot) + subnets.covariance(b.slot, b.slot) -
+      subnets.covariance(a.slot, b.slot) - subnets.covariance(b.slot, a.slot);
+  const S turn = difference.template bottomRightCorner<K, K>().trace();
+  const S arm = std::max(a.jacobian.template rightCols<K>().squaredNorm(),
+                         b.jacobian.template rightCols<K>().squaredNorm());
+  return turn * turn * arm;
 }
 
 /// `fuse_fixes`, after which the transforms learn from the fixes that agree, if there are two or
 /// more; what was returned is from before. Call it for every tag and moment, and a border gets
 /// smoother with every crossing. O((Capacity·D)²) more, and as much stack as `Subnets` takes. No
-/// allocation. Errors: those of `fuse_fixes`, and nothing is learned.
+/// allocation. What cannot be learned for lack of digits is left; errors are those of `fuse_fixes`.
 template <class S, int D, int Capacity>
 [[nodiscard]] Result<MapFix<S, D>> fuse_and_learn(
     Subnets<S, D, Capacity>& subnets, std::type_identity_t<std::span<const SubnetFix<S, D>>> fixes,
@@ -185,15 +198,19 @@ template <class S, int D, int Capacity>
     if (result->used[i]) agreeing[count++] = heard->sightings[i];
   }
   const std::span<Sighting<S, D>> teachers{agreeing.data(), count};
-  if (!worth_learning<S, D>(subnets, teachers)) return result;
-  for (Sighting<S, D>& s : teachers) s.noise *= options.correlated_fixes;
+  bool worth_it = false;
+  for (std::size_t i = 0; i < count; ++i) {
+    Sighting<S, D>& a = teachers[i];
+    const Sighting<S, D>& b = teachers[i > 0 ? 0 : 1];
+    // Not once they make up less than a thousandth of the variance of the fixes' differences.
+    worth_it = worth_it || systematic_variance(subnets, a, b) > S(1e-3) * a.noise.trace();
+    a.noise *= options.correlated_fixes;
+    a.noise.diagonal().array() += second_order_variance(subnets, a, b);
+  }
+  if (!worth_it) return result;
   TransformErrors<S, D, Capacity> errors = subnets.errors();
-  if (const auto learned = joint_fix<S, D, Capacity>(teachers, errors); !learned) {
-    return std::unexpected(learned.error());
-  }
-  if (const auto absorbed = subnets.absorb(errors); !absorbed) {
-    return std::unexpected(absorbed.error());
-  }
+  if (!joint_fix<S, D, Capacity>(teachers, errors)) return result;
+  if (!subnets.absorb(errors)) return result;
   return result;
 }
 

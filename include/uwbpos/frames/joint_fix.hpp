@@ -17,6 +17,7 @@
 /// differences between subnets are known it no longer counts them as errors.
 
 #include <cmath>
+#include <limits>
 #include <span>
 
 #include "uwbpos/core/result.hpp"
@@ -81,7 +82,11 @@ template <class S, int D, int Slots>
     const Across own = cov_with_all(s);
     const Mat<S, D> mixed = cov_with_own(across, s);
     const Mat<S, D> a = joint.covariance - mixed;
-    const Mat<S, D> innovation = a - transposed(mixed) + cov_with_own(own, s) + s.noise;
+    const Mat<S, D> of_transform = cov_with_own(own, s);
+    Mat<S, D> innovation = a - transposed(mixed) + of_transform + s.noise;
+    // What their difference has lost to rounding where both are large and nearly the same.
+    const S lost = S(32) * std::numeric_limits<S>::epsilon();
+    innovation.diagonal().array() += lost * (joint.covariance.trace() + of_transform.trace());
     const Ldlt<S, D> factor{innovation};
     if (!factor.positive_definite()) return std::unexpected(Error::InvalidCovariance);
     const Mat<S, D> inverse = factor.inverse();
