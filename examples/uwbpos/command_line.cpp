@@ -35,6 +35,8 @@ constexpr const char* kReplayFooter =
     "  anchors.csv  anchor_id,x_m,y_m,z_m\n"
     "  tags.csv     tag_id,x_m,y_m,z_m    lever arms: body x forward, y left, z up\n"
     "  ranges.csv   t_s,anchor_id,range_m [tag_id,sigma_m,rssi_dbm,fp_power_dbm]\n"
+    "  tdoa.csv     t_s,anchor_id_a,anchor_id_b,difference_m [tag_id,sigma_m]\n"
+    "               difference: distance(tag, b) minus distance(tag, a)\n"
     "  twr.csv      t_s,anchor_id,poll_tx,poll_rx,resp_tx,resp_rx [tag_id,final_tx,final_rx,\n"
     "               clock_offset_ppm,fp_power_dbm,true_range_m,logged_range_m]\n"
     "  bias.csv     anchor_id,bias_m [tag_id]         range minus truth, is subtracted\n"
@@ -112,10 +114,12 @@ void add_inputs(CLI::App& app, Arguments& a) {
       ->check(finite());
   app.add_option("--tag", s.only_tags, "only this tag; may be given several times")
       ->type_name("ID");
-  app.add_option("--sigma", s.sigma, "standard deviation of ranges that tell none [m]")
+  app.add_option_function<double>(
+         "--sigma", [&s](const double& sigma) { s.sigma = sigma; },
+         "standard deviation of ranges, or arrivals of\n--tdoa, that tell none [m] (default: 0.1; "
+         "with\n--tdoa found from the log)")
       ->type_name("S")
-      ->check(above_zero())
-      ->capture_default_str();
+      ->check(above_zero());
   app.add_option("--max-range", s.max_range, "longer ranges are refused [m]")
       ->type_name("R")
       ->check(above_zero())
@@ -135,6 +139,10 @@ void add_inputs(CLI::App& app, Arguments& a) {
 
 void add_solving(CLI::App& app, Arguments& a) {
   Settings& s = a.settings;
+  app.add_option("--tdoa", s.tdoa, "range differences between pairs of anchors (CSV)")
+      ->type_name("FILE")
+      ->excludes(app.get_option("--ranges"))
+      ->excludes(app.get_option("--twr"));
   app.add_option("--bias", s.bias, "bias of each link (CSV, from calibrate)")->type_name("FILE");
   add_choice<std::optional<int>>(app, "--dim", s.dim,
                                  "2: in the plane, 3: in space (default: 2 with\n--height or when "
@@ -160,8 +168,8 @@ void add_solving(CLI::App& app, Arguments& a) {
 void settle(const CLI::App& app, Arguments& a) {
   Settings& s = a.settings;
   if (app.count("--height") > 0) s.height = a.height;
-  if (s.ranges.empty() && s.twr.empty()) {
-    throw CLI::RequiredError{"--ranges or --twr"};
+  if (s.ranges.empty() && s.twr.empty() && s.tdoa.empty()) {
+    throw CLI::RequiredError{"--ranges, --twr or --tdoa"};
   }
 }
 

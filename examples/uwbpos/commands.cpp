@@ -14,6 +14,7 @@
 #include "progress.hpp"
 #include "report.hpp"
 #include "summary.hpp"
+#include "tdoa.hpp"
 
 namespace uwbpos::host {
 namespace {
@@ -67,8 +68,10 @@ int run_replay(const Settings& settings) {
   Replay result;
   if (!recording.site.anchors.empty()) {
     Progress progress{"solving"};
-    result = replay(settings, recording.site, recording.readings,
-                    [&](std::size_t done, std::size_t of) { progress(done, of); });
+    const auto told = [&](std::size_t done, std::size_t of) { progress(done, of); };
+    result = recording.differences.empty()
+                 ? replay(settings, recording.site, recording.readings, told)
+                 : replay_differences(settings, recording.site, recording.differences, told);
   }
   const bool tried = result.all.epochs > 0;
   if (tried) fmt::print("{}", summary_table(settings, recording, result));

@@ -216,4 +216,35 @@ Log<Exchange> read_twr(const std::filesystem::path& file, Problems& problems) {
   return log;
 }
 
+Log<Difference> read_tdoa(const std::filesystem::path& file, Problems& problems) {
+  enum : std::size_t { kTime, kAnchorA, kAnchorB, kDifference, kTag, kSigma };
+  Log<Difference> log{file, {}, {}};
+  const auto columns = {Column{"t_s", true},
+                        Column{"anchor_id_a", true},
+                        Column{"anchor_id_b", true},
+                        Column{"difference_m", true},
+                        Column{"tag_id"},
+                        Column{"sigma_m"}};
+  log.counts.rows = read_csv(file, columns, problems, [&](const Row& row) {
+    Difference difference{row.number(kTime),
+                          row.id_or(kTag, 0),
+                          row.id(kAnchorA),
+                          row.id(kAnchorB),
+                          0,
+                          row.optional_positive(kSigma),
+                          row.line()};
+    if (difference.anchor_a == difference.anchor_b) {
+      throw std::runtime_error{"expected two anchors, found the same one twice"};
+    }
+    if (row.empty(kDifference)) {
+      ++log.counts.no_reading;
+      return;
+    }
+    difference.difference = row.number(kDifference);
+    log.rows.push_back(difference);
+  });
+  put_in_order(log);
+  return log;
+}
+
 }  // namespace uwbpos::host

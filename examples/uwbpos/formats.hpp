@@ -37,6 +37,17 @@ struct Reading {
   std::size_t line = 0;
 };
 
+/// How much farther a tag is from anchor b than from anchor a.
+struct Difference {
+  double t;  ///< [s]
+  Id tag;
+  Id anchor_a;
+  Id anchor_b;
+  double difference;            ///< distance to b minus distance to a [m]
+  std::optional<double> sigma;  ///< [m]
+  std::size_t line = 0;
+};
+
 /// One exchange of messages, as raw counter readings. Sent by the tag: poll and final.
 struct Exchange {
   double t;  ///< [s]
@@ -89,5 +100,6 @@ struct Log {
 /// Rows come back by time, however they stood in the file.
 [[nodiscard]] Log<Reading> read_ranges(const std::filesystem::path& file, Problems& problems);
 [[nodiscard]] Log<Exchange> read_twr(const std::filesystem::path& file, Problems& problems);
+[[nodiscard]] Log<Difference> read_tdoa(const std::filesystem::path& file, Problems& problems);
 
 }  // namespace uwbpos::host

@@ -13,6 +13,8 @@ std::string_view reason_name(Error error) {
       return "invalid_option";
     case Error::NegativeRange:
       return "negative_range";
+    case Error::ImpossibleDifference:
+      return "impossible_difference";
     case Error::TooFewMeasurements:
       return "too_few_measurements";
     case Error::TooManyMeasurements:
@@ -47,6 +49,8 @@ std::string_view reason_name(Error error) {
       return "gap_too_long";
     case Error::ClockJump:
       return "clock_jump";
+    case Error::NumericOverflow:
+      return "numeric_overflow";
     case Error::UnknownAnchor:
       return "unknown_anchor";
     default:

@@ -40,6 +40,11 @@ std::string count_of(std::size_t count, std::string_view singular) {
   return fmt::format("{} {}{}", count, singular, count == 1 ? "" : "s");
 }
 
+std::string reading_count(const Recording& recording) {
+  if (!recording.differences.empty()) return count_of(recording.differences.size(), "difference");
+  return count_of(recording.readings.size(), "range");
+}
+
 Recording read_recording(const Settings& settings, Problems& problems) {
   Recording recording;
   Site& site = recording.site;
@@ -59,7 +64,12 @@ Recording read_recording(const Settings& settings, Problems& problems) {
     power_bias = *RangeBias<double>::make(power_table);
   }
 
-  if (!settings.ranges.empty()) {
+  if (!settings.tdoa.empty()) {
+    Log<Difference> log = read_tdoa(settings.tdoa, problems);
+    recording.log = log.file;
+    recording.counts = log.counts;
+    recording.differences = std::move(log.rows);
+  } else if (!settings.ranges.empty()) {
     Log<Reading> log = read_ranges(settings.ranges, problems);
     recording.log = log.file;
     recording.counts = log.counts;
@@ -79,6 +89,9 @@ Recording read_recording(const Settings& settings, Problems& problems) {
   }
   if (!recording.readings.empty()) {
     recording.seconds = recording.readings.back().t - recording.readings.front().t;
+  }
+  if (!recording.differences.empty()) {
+    recording.seconds = recording.differences.back().t - recording.differences.front().t;
   }
   return recording;
 }
@@ -115,6 +128,24 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
   for (const auto& [reason, count] : replay.refused_readings) {
     said.push_back(fmt::format("{} left out of {} epochs: {}.", count_of(count, "reading"),
                                count == 1 ? "its" : "their", reason_words(reason)));
+  }
+  if (replay.found_sigma) {
+    said.push_back(fmt::format("No sigma was given: {:.3f} m for a difference, found from the log.",
+                               *replay.found_sigma));
+  }
+  if (replay.excluded > 0) {
+    const auto worst = std::ranges::max_element(replay.excluded_of_anchor, {},
+                                                [](const auto& e) { return e.second; });
+    said.push_back(fmt::format(
+        "{} excluded as {}: contradicted by the others of the epoch. Anchor {} took part in {} of "
+        "them, more than any other.",
+        count_of(replay.excluded, "difference"), replay.excluded == 1 ? "an outlier" : "outliers",
+        worst->first, worst->second));
+  }
+  if (replay.inconsistent > 0) {
+    said.push_back(
+        fmt::format("{} solved although what was left still contradicts itself beyond noise.",
+                    count_of(replay.inconsistent, "epoch")));
   }
   if (replay.duplicates > 0) {
     said.push_back(fmt::format("{} dropped: the same link and time as one before.",

@@ -19,10 +19,14 @@ struct Recording {
   Site site;
   std::filesystem::path log;  ///< of ranges or of raw stamps
   std::vector<Reading> readings;
+  std::vector<Difference> differences;  ///< in place of readings, where `--tdoa` was given
   LogCounts counts;
   std::optional<Ranging> ranging;  ///< how raw stamps became readings
   double seconds = 0;              ///< from the first reading to the last
 };
+
+/// `35 ranges` or `1 difference`.
+[[nodiscard]] std::string reading_count(const Recording& recording);
 
 /// Reads all files that the settings name. Throws `Failure` if one cannot be used.
 [[nodiscard]] Recording read_recording(const Settings& settings, Problems& problems);

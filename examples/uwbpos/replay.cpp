@@ -70,7 +70,7 @@ class Solver {
     anchors_.clear();
     for (const Reading& reading : epoch.readings) {
       const Vec3& anchor = site_.anchors.at(reading.anchor);
-      const double sigma = reading.sigma.value_or(settings_.sigma);
+      const double sigma = reading.sigma.value_or(settings_.sigma.value_or(kRangeSigma));
       RangeTo<double, D> range{part<D>(anchor), reading.range, sigma};
       if (D == 2 && settings_.height) {
         const auto level =
@@ -157,7 +157,7 @@ std::vector<Reading> usable(const Settings& settings, const Site& site,
       reading.range -= bias.value_or(0);
     }
     constexpr double sigmas = 4;  // a range this far below zero is not noise
-    const double sigma = reading.sigma.value_or(settings.sigma);
+    const double sigma = reading.sigma.value_or(settings.sigma.value_or(kRangeSigma));
     if (reading.range < -sigmas * sigma) {
       ++result.refused_readings[std::string{reason_name(Error::NegativeRange)}];
     } else if (reading.range > settings.max_range) {
@@ -168,14 +168,6 @@ std::vector<Reading> usable(const Settings& settings, const Site& site,
     }
   }
   return kept;
-}
-
-// Where the tag was at time t, if that is known.
-std::optional<Vec3> true_position(const Site& site, Id tag, double t) {
-  if (site.tags.empty()) return site.truth.point_at(t, Vec3::Zero());
-  const auto lever = site.tags.find(tag);
-  if (lever == site.tags.end()) return std::nullopt;
-  return site.truth.point_at(t, lever->second);
 }
 
 // Measured minus true ranges; those of a flat world leave heights out.
@@ -191,6 +183,15 @@ void residuals_against_truth(const Site& site, const Settings& settings, bool fl
     result.residuals[{reading.tag, reading.anchor}].push_back(
         {reading.t, reading.range - expected});
   }
+}
+
+}  // namespace
+
+std::optional<Vec3> true_position(const Site& site, Id tag, double t) {
+  if (site.tags.empty()) return site.truth.point_at(t, Vec3::Zero());
+  const auto lever = site.tags.find(tag);
+  if (lever == site.tags.end()) return std::nullopt;
+  return site.truth.point_at(t, lever->second);
 }
 
 void score(const Site& site, Replay& result) {
@@ -218,8 +219,6 @@ void score(const Site& site, Replay& result) {
   result.all.scored = all.size();
   result.all.error = summarize_errors(all, result.dim);
 }
-
-}  // namespace
 
 int choose_dim(const Settings& settings, const Points& anchors) {
   if (settings.dim) return *settings.dim;

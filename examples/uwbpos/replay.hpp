@@ -39,7 +39,8 @@ struct Outcome {
   ErrorSummary error;
 };
 
-/// Measured minus expected range of one reading [m].
+/// Measured minus expected range of one reading [m]; of a difference, seen as each of its anchors'
+/// own error.
 struct Residual {
   double t;
   double value;
@@ -47,6 +48,7 @@ struct Residual {
 
 struct Replay {
   int dim = 2;
+  bool of_differences = false;  ///< readings are range differences
   EpochRule rule{};
   std::vector<Position> track;  ///< by time
   Outcome all;
@@ -61,7 +63,11 @@ struct Replay {
   std::size_t outside_truth = 0;
   std::size_t in_truth_gaps = 0;  ///< scored although truth pauses for over a second around them
   std::size_t chosen_by_prior = 0;
-  double solve_seconds = 0;  ///< inside `locate`
+  std::size_t excluded = 0;  ///< readings of solved epochs that the others contradict
+  std::map<Id, std::size_t> excluded_of_anchor;  ///< a difference counts for both of its anchors
+  std::size_t inconsistent = 0;       ///< solved epochs that contradict themselves all the same
+  std::optional<double> found_sigma;  ///< of a difference, found from the log [m]
+  double solve_seconds = 0;           ///< inside `locate`
   std::size_t solve_calls = 0;
 };
 
@@ -85,6 +91,12 @@ struct Site {
 [[nodiscard]] Replay replay(Settings settings, const Site& site,
                             const std::vector<Reading>& readings,
                             const std::function<void(std::size_t, std::size_t)>& progress = {});
+
+/// Positions against truth, by tag and in all.
+void score(const Site& site, Replay& result);
+
+/// Where the tag was at time t, if that is known.
+[[nodiscard]] std::optional<Vec3> true_position(const Site& site, Id tag, double t);
 
 /// Measured minus true range of every reading, and the counts of readings, without solving.
 /// `settings.height`, where given, takes the place of the truth's height.

@@ -194,7 +194,7 @@ std::string range_section(const Ranging& ranging) {
 }
 
 std::string lead(const Settings& settings, const Recording& recording, const Replay& replay) {
-  std::string text = count_of(recording.readings.size(), "range");
+  std::string text = reading_count(recording);
   if (recording.seconds > 0) text += fmt::format(" over {:.6g} s", recording.seconds);
   if (replay.all.epochs > 0) {
     text += fmt::format(", {}, {}", count_of(recording.site.anchors.size(), "anchor"),

@@ -16,16 +16,21 @@ namespace uwbpos::host {
 /// Where the tags are as seen from the anchors' plane, to choose between mirror images in 3-D.
 enum class Side { kUnknown, kAbove, kBelow };
 
+/// Standard deviation of a range of which nobody tells one [m].
+inline constexpr double kRangeSigma = 0.1;
+
 /// The options that subcommands share; an empty path means not given.
 struct Settings {
-  std::filesystem::path anchors, tags, ranges, twr, truth, bias, power_bias;
+  std::filesystem::path anchors, tags, ranges, twr, tdoa, truth, bias, power_bias;
   std::filesystem::path out = "out";
   std::optional<double> height;          ///< of the tags' antennas [m]
   std::optional<int> dim;                ///< 2 or 3
   std::vector<std::uint32_t> only_tags;  ///< empty: all
   std::optional<double> epoch_window;    ///< [s]
-  double sigma = 0.1;                    ///< of a range whose file gives none [m]
-  double max_range = 500;                ///< [m]
+  /// Of a range, or of one arrival of a difference, whose file gives none [m]; differences whose
+  /// sigma nobody gives have it found from the log.
+  std::optional<double> sigma;
+  double max_range = 500;  ///< [m]
   Side side = Side::kUnknown;
   std::optional<Vec3> prior;  ///< where the tags are, roughly [m]
   unsigned counter_bits = 0;  ///< 0: find out

@@ -130,6 +130,12 @@ std::string summary_json(const Settings& settings, const Recording& recording, c
     json["refused_readings"] = json_of(replay->refused_readings);
     json["duplicate_readings"] = replay->duplicates;
     json["outside_truth"] = replay->outside_truth;
+    if (replay->of_differences) {
+      json["excluded_differences"] = replay->excluded;
+      json["excluded_differences_of_anchor"] = json_of(replay->excluded_of_anchor);
+      json["inconsistent_epochs"] = replay->inconsistent;
+      if (replay->found_sigma) json["found_sigma_m"] = *replay->found_sigma;
+    }
   } else {
     json["epochs"] = 0;
     json["solved"] = 0;
@@ -170,7 +176,7 @@ std::string summary_table(const Settings& settings, const Recording& recording,
                                   ? fmt::format("an epoch lasts up to {:.4g} s", replay.rule.window)
                                   : std::string{"an epoch is one time stamp"};
   std::string text = fmt::format("{}: {}, {:.6g} s, {}; solved {}; {}\n\n", recording.log.string(),
-                                 count_of(recording.readings.size(), "range"), recording.seconds,
+                                 reading_count(recording), recording.seconds,
                                  count_of(recording.site.anchors.size(), "anchor"), where, grouped);
   text += fmt::format("{:<10}{:>9}{:>9}", "", "epochs", "solved");
   if (replay.all.scored > 0) {

@@ -1,0 +1,337 @@
+// SPDX-License-Identifier: MIT
+#include "tdoa.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <set>
+#include <utility>
+
+#include "level_solver.hpp"
+#include "statistics.hpp"
+
+namespace uwbpos::host {
+namespace {
+
+constexpr double kRounding = 1e-6;  // of times since 1970 printed in decimal [s]
+constexpr std::size_t kProgressStep = 64;
+constexpr double kArrivalsPerDifference = 1.4142135623730951;  // √2, of sigmas
+
+// Epochs and the place of each one's first difference in the log.
+using Placed = std::vector<std::pair<std::size_t, DifferenceEpoch>>;
+
+struct Open {
+  DifferenceEpoch epoch;
+  std::size_t first = 0;
+  std::set<Id> anchors;
+};
+
+void close(Placed& closed, Open& open) {
+  if (open.epoch.differences.empty()) return;
+  const double start = open.epoch.differences.front().t;
+  double sum = 0;
+  for (const Difference& d : open.epoch.differences) sum += d.t - start;
+  open.epoch.t = start + sum / static_cast<double>(open.epoch.differences.size());
+  closed.emplace_back(open.first, std::exchange(open.epoch, {}));
+  open.anchors.clear();
+}
+
+// What one epoch came to.
+struct Solved {
+  Vec3 position;
+  double chi_squared;
+  int degrees_of_freedom;
+  std::uint64_t excluded;
+  bool consistent;
+};
+
+// Solves epochs one after the other; remembers each tag's last position.
+class DifferenceSolver {
+ public:
+  DifferenceSolver(const Settings& settings, const Site& site, int dim)
+      : settings_{settings}, site_{site}, dim_{dim} {}
+
+  // Of differences whose log tells none [m].
+  double sigma = kRangeSigma * kArrivalsPerDifference;
+  double seconds = 0;
+  std::size_t calls = 0;
+  bool by_prior = false;
+
+  Result<Solved> solve(const DifferenceEpoch& epoch) {
+    pairs_.clear();
+    for (const Difference& d : epoch.differences) {
+      pairs_.push_back({site_.anchors.at(d.anchor_a), site_.anchors.at(d.anchor_b), d.difference,
+                        d.sigma.value_or(sigma)});
+      if (flat()) pairs_.back().anchor_a.z() = pairs_.back().anchor_b.z() = 0;
+    }
+    const auto last = last_.find(epoch.tag);
+    const std::optional<Vec3> prior =
+        last != last_.end() ? std::optional{last->second} : settings_.prior;
+    by_prior = false;
+    Result<Solved> solved = dim_ == 3 ? in_space(prior) : in_plane(epoch.tag, prior);
+    if (solved) last_[epoch.tag] = solved->position;
+    return solved;
+  }
+
+  // Heights are left out of the model.
+  [[nodiscard]] bool flat() const { return dim_ == 2 && !settings_.height; }
+
+ private:
+  // One in this many may be an outlier before an epoch is beyond help.
+  [[nodiscard]] ExclusionOptions<double> exclusion() const {
+    constexpr int share = 4;
+    return {.max_excluded = static_cast<int>(pairs_.size()) / share};
+  }
+
+  template <class Locate>
+  auto timed(const Locate& locate_it) {
+    const auto start = std::chrono::steady_clock::now();
+    auto result = locate_it();
+    const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+    seconds += taken.count();
+    ++calls;
+    return result;
+  }
+
+  Result<Solved> in_space(const std::optional<Vec3>& prior) {
+    LocateOptions<double, 3> options;
+    if (settings_.side != Side::kUnknown) {
+      options.side = {0, 0, settings_.side == Side::kAbove ? 1.0 : -1.0};
+    }
+    const auto attempt = [&] { return locate_excluding(pairs_, options, exclusion()); };
+    auto fix = timed(attempt);
+    if (!fix && fix.error() == Error::AmbiguousSolution && prior) {
+      options.prior = prior;
+      by_prior = true;
+      fix = timed(attempt);
+    }
+    if (!fix) return std::unexpected(fix.error());
+    return Solved{fix->fix.position, fix->fix.chi_squared, fix->fix.degrees_of_freedom,
+                  fix->excluded, fix->consistent};
+  }
+
+  Result<Solved> in_plane(Id tag, const std::optional<Vec3>& prior) {
+    const double height = settings_.height ? tag_height(*settings_.height, site_.tags, tag) : 0.0;
+    LocateOptions<double, 2> options;
+    if (prior) options.prior = prior->head<2>();
+    const auto fix =
+        timed([&] { return locate_level_excluding(pairs_, height, options, exclusion()); });
+    if (!fix) return std::unexpected(fix.error());
+    const Vec<double, 2>& at = fix->fix.position;
+    return Solved{{at.x(), at.y(), height},
+                  fix->fix.chi_squared,
+                  fix->fix.degrees_of_freedom,
+                  fix->excluded,
+                  fix->consistent};
+  }
+
+  const Settings& settings_;
+  const Site& site_;
+  int dim_;
+  std::vector<PairDifference<double, 3>> pairs_;
+  std::map<Id, Vec3> last_;
+};
+
+double distance(const Vec3& a, const Vec3& b, bool flat) {
+  return error_length(a - b, flat ? 2 : 3);
+}
+
+double residual_of(const Difference& d, const Vec3& tag, const Site& site, bool flat) {
+  return d.difference - (distance(tag, site.anchors.at(d.anchor_b), flat) -
+                         distance(tag, site.anchors.at(d.anchor_a), flat));
+}
+
+// The differences that can be used, less their links' biases; counts the others.
+std::vector<Difference> usable(const Settings& settings, const Site& site, bool flat,
+                               const std::vector<Difference>& differences, Replay& result) {
+  std::vector<Difference> kept;
+  kept.reserve(differences.size());
+  for (Difference d : differences) {
+    const auto& only = settings.only_tags;
+    if (!only.empty() && std::ranges::find(only, d.tag) == only.end()) continue;
+    const auto a = site.anchors.find(d.anchor_a);
+    const auto b = site.anchors.find(d.anchor_b);
+    if (a == site.anchors.end() || b == site.anchors.end()) {
+      ++result.unknown_anchors[a == site.anchors.end() ? d.anchor_a : d.anchor_b];
+      continue;
+    }
+    if (!site.tags.empty() && !site.tags.contains(d.tag)) ++result.unknown_tags[d.tag];
+    if (!site.bias.empty()) {
+      const auto bias_a = site.bias.find(d.tag, d.anchor_a);
+      const auto bias_b = site.bias.find(d.tag, d.anchor_b);
+      if (!bias_a || !bias_b) ++result.without_bias;
+      d.difference -= bias_b.value_or(0) - bias_a.value_or(0);
+    }
+    const double sigma =
+        d.sigma.value_or(settings.sigma.value_or(kRangeSigma) * kArrivalsPerDifference);
+    const double baseline = distance(a->second, b->second, flat);
+    if (std::abs(d.difference) > baseline + kDifferenceSigmas * sigma) {
+      ++result.refused_readings[std::string{reason_name(Error::ImpossibleDifference)}];
+      continue;
+    }
+    kept.push_back(d);
+  }
+  return kept;
+}
+
+// Standard deviation of a difference, from what is left over in epochs all over the log. Half of
+// the residuals are nearer to zero than 0.6745 of it, whatever the outliers are; a fix of k numbers
+// from n differences leaves 1 − k/n of their variance.
+std::optional<double> find_sigma(const Settings& settings, const Site& site, int dim,
+                                 const std::vector<DifferenceEpoch>& epochs) {
+  constexpr std::size_t most = 300;
+  constexpr std::size_t few = 100;
+  constexpr double least = 0.01;  // [m]
+  DifferenceSolver solver{settings, site, dim};
+  for (int round = 0; round < 2; ++round) {
+    std::vector<double> residuals;
+    const std::size_t stride = std::max<std::size_t>(1, epochs.size() / most);
+    for (std::size_t i = 0; i < epochs.size(); i += stride) {
+      const DifferenceEpoch& epoch = epochs[i];
+      const auto count = static_cast<double>(epoch.differences.size());
+      if (count < 2 * dim) continue;
+      const auto solved = solver.solve(epoch);
+      if (!solved) continue;
+      const double left = std::sqrt(1 - dim / count);
+      for (const Difference& d : epoch.differences) {
+        residuals.push_back(residual_of(d, solved->position, site, solver.flat()) / left);
+      }
+    }
+    if (residuals.size() < few) return std::nullopt;
+    solver.sigma = std::max(robust_spread(std::move(residuals)), least);
+  }
+  return solver.sigma;
+}
+
+void add_residual(Replay& result, const Difference& d, double residual) {
+  result.residuals[{d.tag, d.anchor_b}].push_back({d.t, residual});
+  result.residuals[{d.tag, d.anchor_a}].push_back({d.t, -residual});
+}
+
+}  // namespace
+
+DifferenceRule difference_rule(const std::vector<Difference>& differences, int dim,
+                               std::optional<double> window) {
+  constexpr std::size_t any = std::numeric_limits<std::size_t>::max();
+  if (window) return {*window, any, any};
+  std::map<Id, double> last;
+  std::vector<double> gaps;
+  std::size_t with_neighbour = 0;
+  for (const Difference& d : differences) {
+    const auto [tag, fresh] = last.try_emplace(d.tag, d.t);
+    if (!fresh) gaps.push_back(d.t - tag->second);
+    if (!fresh && d.t == tag->second) ++with_neighbour;
+    tag->second = d.t;
+  }
+  if (2 * with_neighbour > differences.size()) return {0, any, any};
+  constexpr double shortest = 0.2;  // [s]
+  constexpr double longest = 0.5;
+  const auto unknowns = static_cast<std::size_t>(dim);
+  const std::size_t enough = 5 * (unknowns + 1);
+  const double usual =
+      gaps.empty() ? shortest : static_cast<double>(enough) * median(std::move(gaps));
+  return {std::clamp(usual, shortest, longest), enough, unknowns + 2};
+}
+
+std::vector<DifferenceEpoch> group_differences(const std::vector<Difference>& differences,
+                                               const DifferenceRule& rule) {
+  Placed closed;
+  std::map<Id, Open> open_of_tag;
+  for (std::size_t i = 0; i < differences.size(); ++i) {
+    const Difference& d = differences[i];
+    Open& open = open_of_tag[d.tag];
+    std::vector<Difference>& group = open.epoch.differences;
+    if (!group.empty() && (d.t - group.front().t > rule.window + kRounding ||
+                           group.size() == static_cast<std::size_t>(kMaxMeasurements))) {
+      close(closed, open);
+    }
+    if (group.empty()) {
+      open.epoch.tag = d.tag;
+      open.first = i;
+    }
+    group.push_back(d);
+    open.anchors.insert({d.anchor_a, d.anchor_b});
+    if (group.size() >= rule.enough && open.anchors.size() >= rule.anchors) close(closed, open);
+  }
+  for (auto& [tag, open] : open_of_tag) close(closed, open);
+  std::ranges::sort(closed, [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<DifferenceEpoch> epochs;
+  epochs.reserve(closed.size());
+  for (auto& [first, epoch] : closed) epochs.push_back(std::move(epoch));
+  return epochs;
+}
+
+Replay replay_differences(Settings settings, const Site& site,
+                          const std::vector<Difference>& differences,
+                          const std::function<void(std::size_t, std::size_t)>& progress) {
+  if (settings.side == Side::kUnknown && settings.height) {
+    settings.side = side_of(*settings.height, site.anchors);
+  }
+  Replay result;
+  result.of_differences = true;
+  result.dim = choose_dim(settings, site.anchors);
+  result.residuals_to_truth = !site.truth.empty();
+  DifferenceSolver solver{settings, site, result.dim};
+  const std::vector<Difference> kept = usable(settings, site, solver.flat(), differences, result);
+  const DifferenceRule rule = difference_rule(kept, result.dim, settings.epoch_window);
+  result.rule = {rule.window, 0};
+  const std::vector<DifferenceEpoch> epochs = group_differences(kept, rule);
+  if (settings.sigma) {
+    solver.sigma = *settings.sigma * kArrivalsPerDifference;
+  } else if (std::ranges::any_of(kept, [](const Difference& d) { return !d.sigma; })) {
+    result.found_sigma = find_sigma(settings, site, result.dim, epochs);
+    solver.sigma = result.found_sigma.value_or(solver.sigma);
+  }
+
+  for (std::size_t i = 0; i < epochs.size(); ++i) {
+    if (progress && i % kProgressStep == 0) progress(i, epochs.size());
+    const DifferenceEpoch& epoch = epochs[i];
+    Outcome& of_tag = result.of_tag[epoch.tag];
+    ++of_tag.epochs;
+    const Result<Solved> solved = solver.solve(epoch);
+    if (!solved) {
+      ++of_tag.rejected[std::string{reason_name(solved.error())}];
+      continue;
+    }
+    ++of_tag.solved;
+    if (solver.by_prior) ++result.chosen_by_prior;
+    if (!solved->consistent) ++result.inconsistent;
+    std::size_t excluded = 0;
+    for (std::size_t k = 0; k < epoch.differences.size(); ++k) {
+      const Difference& d = epoch.differences[k];
+      if ((solved->excluded >> k & 1) != 0) {
+        ++excluded;
+        ++result.excluded_of_anchor[d.anchor_a];
+        ++result.excluded_of_anchor[d.anchor_b];
+      }
+      if (!result.residuals_to_truth) {
+        add_residual(result, d, residual_of(d, solved->position, site, solver.flat()));
+      }
+    }
+    result.excluded += excluded;
+    result.track.push_back(
+        {epoch.t, epoch.tag, solved->position, solved->chi_squared, solved->degrees_of_freedom,
+         static_cast<int>(epoch.differences.size() - excluded), solver.by_prior, std::nullopt});
+  }
+  if (progress) progress(epochs.size(), epochs.size());
+  result.solve_seconds = solver.seconds;
+  result.solve_calls = solver.calls;
+
+  std::ranges::stable_sort(result.track,
+                           [](const Position& a, const Position& b) { return a.t < b.t; });
+  if (result.residuals_to_truth) {
+    for (const Difference& d : kept) {
+      auto truth = true_position(site, d.tag, d.t);
+      if (!truth) continue;
+      if (settings.height && result.dim == 2) {
+        truth->z() = tag_height(*settings.height, site.tags, d.tag);
+      }
+      add_residual(result, d, residual_of(d, *truth, site, solver.flat()));
+    }
+  }
+  score(site, result);
+  return result;
+}
+
+}  // namespace uwbpos::host

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: MIT
+#include <cmath>
+#include <vector>
+
+#include <doctest/doctest.h>
+#include <level_solver.hpp>
+#include <tdoa.hpp>
+
+#include <uwbpos/sim/noise.hpp>
+
+namespace {
+
+using namespace uwbpos;
+using namespace uwbpos::host;
+
+constexpr double kSigma = 0.1;  // of a difference [m]
+
+Site arena() {
+  Site site;
+  site.anchors = {{1, {-3, -4, 0}}, {2, {-3, 4, 3}}, {3, {3, 4, 0}}, {4, {3, -4, 3}},
+                  {5, {-3, -4, 3}}, {6, {-3, 4, 0}}, {7, {3, 4, 3}}, {8, {3, -4, 0}}};
+  site.truth = Trajectory{{{0, {-1, -2, 1}, {}}, {10, {1, 2, 1}, {}}}};  // 0.45 m/s
+  return site;
+}
+
+// A hundred differences a second between pairs that chance chooses; `share` of them are off by one
+// to three metres.
+std::vector<Difference> differences_of(const Site& site, const char* name, double share,
+                                       double sigma = kSigma) {
+  sim::Random random{name};
+  std::vector<Difference> log;
+  for (int i = 0; i < 1000; ++i) {
+    const double t = 0.01 * i;
+    const auto a = static_cast<Id>(random.integer(1, 8));
+    const auto b = static_cast<Id>((a - 1 + static_cast<Id>(random.integer(1, 7))) % 8 + 1);
+    const Vec3 tag = *site.truth.point_at(t, Vec3::Zero());
+    double difference = (tag - site.anchors.at(b)).norm() - (tag - site.anchors.at(a)).norm() +
+                        random.normal(0, sigma);
+    const bool outlier = random.chance(share);
+    const double off = random.uniform(1, 3) * (random.chance(0.5) ? 1 : -1);
+    if (outlier) difference += off;
+    log.push_back({t, 0, a, b, difference, {}, 0});
+  }
+  return log;
+}
+
+TEST_CASE("Exact differences of a standing tag give its position, in space and in the plane") {
+  Site site = arena();
+  site.truth = Trajectory{{{0, {0.5, -1, 1.2}, {}}, {10, {0.5, -1, 1.2}, {}}}};
+  const auto log = differences_of(site, "a standing tag", 0, 0);
+  for (const bool level : {false, true}) {
+    Settings settings;
+    if (level) settings.height = 1.2;
+    const Replay result = replay_differences(settings, site, log);
+    CHECK(result.dim == (level ? 2 : 3));
+    CHECK(result.all.solved == result.all.epochs);
+    CHECK(result.excluded == 0);
+    // Differences are exact to 1e-15 m; descents end within 1e-4 of σ = 1 cm, the least believed.
+    CHECK(result.all.error.max < 1e-6);
+  }
+}
+
+TEST_CASE("Outliers are excluded, counted by anchor, and hardly felt") {
+  const Site site = arena();
+  const auto log = differences_of(site, "one in fourteen", 0.07);
+  const auto clean = differences_of(site, "one in fourteen", 0);
+  for (const bool level : {false, true}) {
+    Settings settings;
+    if (level) settings.height = 1;
+    const Replay result = replay_differences(settings, site, log);
+    const Replay without = replay_differences(settings, site, clean);
+    CHECK(result.all.solved > 0.98 * static_cast<double>(result.all.epochs));
+    // 70 of 1000; those that exceed their baseline were refused before, and one metre is ten σ.
+    CHECK(result.excluded + total(result.refused_readings) > 50);
+    CHECK(result.excluded < 100);
+    std::size_t of_anchors = 0;
+    for (const auto& [anchor, count] : result.excluded_of_anchor) of_anchors += count;
+    CHECK(of_anchors == 2 * result.excluded);
+    // What is left of 20 (15) differences without 1.4 outliers, and the odd unlucky epoch; with
+    // the outliers left in, the rmse would be three times as large.
+    CHECK(result.all.error.rmse < 1.5 * without.all.error.rmse);
+    CHECK(std::abs(*result.found_sigma - kSigma) < 0.3 * kSigma);
+  }
+}
+
+TEST_CASE("Impossible differences are refused by name, those of unknown anchors counted") {
+  const Site site = arena();
+  auto log = differences_of(site, "impossible", 0);
+  log[3].difference = 30;
+  log[4].anchor_a = 99;
+  const Replay result = replay_differences({}, site, log);
+  CHECK(result.refused_readings == Counts{{"impossible_difference", 1}});
+  CHECK(result.unknown_anchors == std::map<Id, std::size_t>{{99, 1}});
+  CHECK(result.all.solved == result.all.epochs);
+}
+
+TEST_CASE("Differences that come one by one are gathered; rounds of one time stay together") {
+  const Site site = arena();
+  auto log = differences_of(site, "windows", 0);
+  const DifferenceRule rule = difference_rule(log, 3, {});
+  CHECK(rule.window == doctest::Approx(0.2));
+  for (const DifferenceEpoch& epoch : group_differences(log, rule)) {
+    CHECK(epoch.differences.size() <= 20);
+    CHECK(epoch.differences.back().t - epoch.differences.front().t <= 0.2 + 1e-6);
+  }
+  for (std::size_t i = 0; i < log.size(); ++i) log[i].t = static_cast<double>(i / 10);
+  const auto rounds = group_differences(log, difference_rule(log, 3, {}));
+  CHECK(rounds.size() == 100);
+  for (const DifferenceEpoch& epoch : rounds) CHECK(epoch.differences.size() == 10);
+}
+
+TEST_CASE("In the plane at a known height the covariance predicts the error") {
+  const Site site = arena();
+  sim::Random random{"level"};
+  double sum = 0;
+  constexpr int runs = 400;
+  for (int run = 0; run < runs; ++run) {
+    const Vec3 tag{random.uniform(-2, 2), random.uniform(-3, 3), 1};
+    std::vector<PairDifference<double, 3>> pairs;
+    for (Id a = 1; a <= 8; ++a) {
+      const Vec3& from = site.anchors.at(a);
+      const Vec3& to = site.anchors.at(a % 8 + 1);
+      pairs.push_back(
+          {from, to, (tag - to).norm() - (tag - from).norm() + random.normal(0, 0.05), 0.05});
+    }
+    const auto fix = locate_level(pairs, 1);
+    REQUIRE(fix);
+    const Vec<double, 2> error = fix->position - tag.head<2>();
+    sum += error.dot(Ldlt<double, 2>{fix->covariance}.solve(error));
+  }
+  // The mean of 400 χ² with two degrees of freedom deviates by 0.1; four of that, and a little for
+  // the curvature at σ = 5 cm.
+  CHECK(std::abs(sum / runs - 2) < 0.45);
+}
+
+}  // namespace
