@@ -193,7 +193,8 @@ TEST_CASE_TEMPLATE("an error that two subnets share is neither averaged nor a di
   REQUIRE(joint);
   CHECK(joint->position[0] == doctest::Approx(0.1).epsilon(1e-4));
   CHECK(joint->covariance(0, 0) == doctest::Approx(1.005).epsilon(1e-4));
-  CHECK(joint->chi_squared == doctest::Approx(0.2 * 0.2 / 0.02).epsilon(1e-4));
+  // What rounding may have lost counts as noise: 32 ε of 4 m² is 8e-4 of 0.02 m² in float.
+  CHECK(joint->chi_squared == doctest::Approx(0.2 * 0.2 / 0.02).epsilon(1e-3));
 }
 
 TEST_CASE("the gate is the quantile it approximates") {
