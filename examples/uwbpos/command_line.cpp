@@ -240,6 +240,17 @@ void add_simulation(CLI::App& app, SimulateSettings& s) {
       ->type_name("P")
       ->check(CLI::Range(0.0, 1.0).description(""))
       ->capture_default_str();
+  auto* tdoa = app.add_flag_callback(
+      "--tdoa", [&s] { s.kind = s.kind == LogKind::kPairs ? s.kind : LogKind::kShared; },
+      "log range differences of blinks, of all anchors\nagainst a control anchor");
+  app.add_flag_callback(
+         "--pairs", [&s] { s.kind = LogKind::kPairs; },
+         "of each blink only one difference, between two\nanchors that chance chooses")
+      ->needs(tdoa);
+  app.add_option("--outliers", s.outliers, "share of --tdoa differences off by 0.5 to 4 m")
+      ->type_name("P")
+      ->check(CLI::Range(0.0, 1.0).description(""))
+      ->capture_default_str();
 }
 
 int dispatch(int argc, const char* const* argv) {

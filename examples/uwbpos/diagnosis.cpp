@@ -12,7 +12,8 @@
 namespace uwbpos::host {
 namespace {
 
-constexpr double kStandsOut = 1.25;  // times the typical anchor's rms
+constexpr double kStandsOut = 1.25;         // times the typical anchor's rms
+constexpr std::size_t kEnoughToJudge = 20;  // readings of an anchor
 
 AnchorQuality quality_of(Id anchor, std::vector<double> residuals) {
   AnchorQuality quality;
@@ -41,7 +42,7 @@ std::string cause(const AnchorQuality& worst, const Replay& replay) {
       "its median is {:+.3f} m, its spread {:.3f} m, and {:.1f} % of its readings are outliers",
       worst.bias, worst.spread, 100 * worst.outlier_share);
   if (bias >= noise && bias >= outliers) {
-    return replay.residuals_to_truth
+    return replay.residuals_to_truth && !replay.of_differences
                ? fmt::format(
                      "It is mostly bias: {}. A constant bias can be measured and taken off "
                      "with `uwbpos calibrate`.",
@@ -81,32 +82,46 @@ std::vector<std::string> diagnose(const Replay& replay,
                                   const std::vector<AnchorQuality>& worst_first) {
   std::vector<std::string> said;
   if (worst_first.size() < 2) return said;
-  const AnchorQuality& worst = worst_first.front();
+  const auto few = std::ranges::count_if(
+      worst_first, [](const AnchorQuality& q) { return q.readings < kEnoughToJudge; });
+  if (2 * static_cast<std::size_t>(few) > worst_first.size()) {
+    said.push_back(fmt::format("Too few readings to judge anchors by: {} of {} have fewer than {}.",
+                               few, worst_first.size(), kEnoughToJudge));
+    return said;
+  }
+  const auto judged = std::ranges::find_if(
+      worst_first, [](const AnchorQuality& q) { return q.readings >= kEnoughToJudge; });
+  const AnchorQuality& worst = *judged;
   const double typical = worst_first[worst_first.size() / 2].rms;
   const std::string_view against =
       replay.residuals_to_truth ? "against the truth" : "against the solved positions";
+  const std::string_view what = replay.of_differences ? "differences" : "ranges";
   const bool stands_out = worst.rms > kStandsOut * typical;
   if (stands_out) {
     said.push_back(
-        fmt::format("Anchor {} is the worst: its ranges are off by {:.3f} m rms {}, a "
+        fmt::format("Anchor {} is the worst: its {} are off by {:.3f} m rms {}, a "
                     "typical anchor's by {:.3f} m.",
-                    worst.anchor, worst.rms, against, typical));
+                    worst.anchor, what, worst.rms, against, typical));
   } else {
     said.push_back(
-        fmt::format("No anchor stands out: ranges of the worst, anchor {}, are off by "
+        fmt::format("No anchor stands out: {} of the worst, anchor {}, are off by "
                     "{:.3f} m rms {}, a typical anchor's by {:.3f} m.",
-                    worst.anchor, worst.rms, against, typical));
+                    what, worst.anchor, worst.rms, against, typical));
   }
   const bool calibration_helps =
       replay.residuals_to_truth && std::abs(worst.bias) > std::max(worst.spread, 0.01);
   if (stands_out || calibration_helps) said.push_back(cause(worst, replay));
 
-  std::size_t most = 0;
-  for (const AnchorQuality& quality : worst_first) most = std::max(most, quality.readings);
+  // A control anchor takes part in all differences: no measure for the others.
+  std::vector<std::size_t> heard;
+  for (const AnchorQuality& quality : worst_first) heard.push_back(quality.readings);
+  std::ranges::sort(heard);
+  const std::size_t most = replay.of_differences ? heard[heard.size() / 2] : heard.back();
   for (const AnchorQuality& quality : worst_first) {
     if (2 * quality.readings < most) {
-      said.push_back(fmt::format("Anchor {} is seldom heard: {}, the best-heard anchor has {}.",
-                                 quality.anchor, count_of(quality.readings, "reading"), most));
+      said.push_back(fmt::format("Anchor {} is seldom heard: {}, {} anchor has {}.", quality.anchor,
+                                 count_of(quality.readings, "reading"),
+                                 replay.of_differences ? "a typical" : "the best-heard", most));
     }
   }
   if (!replay.residuals_to_truth) {

@@ -348,7 +348,12 @@ Figure residual_figure(const Replay& replay, const std::vector<AnchorQuality>& w
        "$boxes using 1:6:6:6:6 with candlesticks lc {} lw 2",
        series_ink(0), ink(Ink::kWorst), ink(Ink::kText));
   std::string caption =
-      replay.residuals_to_truth
+      replay.of_differences
+          ? fmt::format(
+                "Measured minus {} difference; each counts for both of its anchors, with the "
+                "sign that a range to that anchor would have.",
+                replay.residuals_to_truth ? "true" : "solved")
+      : replay.residuals_to_truth
           ? "Measured minus true range, after the bias table if there is one."
           : "Measured range minus distance from the solved position to the anchor.";
   caption += " Box: the middle half, with the median; whiskers: 5 to 95 %.";

@@ -21,7 +21,7 @@ std::string metres(double value) {
 }
 
 std::string thousands(double value) {
-  if (value >= 1e6) return fmt::format("{:.1f} M", value / 1e6);
+  if (value >= 1e6) return fmt::format("{:.2g} M", value / 1e6);
   if (value >= 1e4) return fmt::format("{:.0f} 000", value / 1e3);
   return fmt::format("{:.0f}", value);
 }
@@ -56,8 +56,9 @@ std::string list(const std::vector<std::string>& sentences) {
 
 // The headline numbers.
 std::string numbers(const Replay& replay) {
-  std::string text = "<div class=\"numbers\">\n";
   const Outcome& all = replay.all;
+  const bool eight = all.scored > 0 && replay.dim == 3;
+  std::string text = eight ? "<div class=\"numbers two-rows\">\n" : "<div class=\"numbers\">\n";
   if (all.scored > 0) {
     const ErrorSummary& e = all.error;
     text += number(metres(e.rmse), replay.dim == 3 ? "rmse in space" : "rmse in the plane", true);

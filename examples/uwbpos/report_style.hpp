@@ -39,9 +39,10 @@ p { margin: 0 0 8px; }
 .numbers { display: grid; grid-template-columns: repeat(auto-fit, minmax(132px, 1fr)); gap: 12px;
   margin: 0 0 16px; }
 .number, .card { background: var(--card); border: 1px solid var(--line); border-radius: 10px; }
-.number { padding: 12px 14px; }
+.numbers.two-rows { grid-template-columns: repeat(4, minmax(0, 1fr)); }
+.number { padding: 12px 14px; min-width: 0; }
 .number b { display: block; font-size: 1.45rem; line-height: 1.2; font-weight: 650;
-  font-variant-numeric: tabular-nums; white-space: nowrap; }
+  font-variant-numeric: tabular-nums; overflow-wrap: anywhere; }
 .number span { color: var(--muted); font-size: 0.86rem; }
 .number.first { border-color: var(--accent); }
 .number.first b { color: var(--accent); }
@@ -71,7 +72,7 @@ footer { color: var(--muted); font-size: 0.86rem; margin-top: 20px; }
   .grid { display: flex; flex-direction: column; gap: 12px; }
   .column { display: contents; }
   .later { order: 1; }
-  .numbers { grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 8px; }
+  .numbers, .numbers.two-rows { grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 8px; }
   .card { padding: 12px; }
   h1 { font-size: 1.3rem; }
   table { font-size: 0.8rem; }

@@ -8,9 +8,12 @@
 #include <fmt/format.h>
 
 #include "uwbpos/ranging/ds_twr.hpp"
+#include "uwbpos/ranging/uplink_subnet.hpp"
+#include "uwbpos/sim/uplink.hpp"
 
 #include "command_line.hpp"
 #include "failure.hpp"
+#include "formats.hpp"
 #include "output.hpp"
 #include "progress.hpp"
 
@@ -35,7 +38,7 @@ sim::Radio radio_of(RadioModel model) {
 template <class T>
 T expect(Result<T> result, std::string_view what) {
   if (!result) throw Failure{fmt::format("simulate: {}: {}", what, describe(result.error()))};
-  return *std::move(result);
+  if constexpr (!std::is_void_v<T>) return *std::move(result);
 }
 
 sim::Path path_of(const SimulateSettings& s) {
@@ -86,6 +89,68 @@ void append_exchange(std::string& text, double t, const sim::Shot& shot) {
          e.measured_clock_offset * 1e6, sim::ds_distance(e));
 }
 
+void append_truth(std::string& text, double t, const sim::BodyState& body) {
+  const auto [sine, cosine] = half_turn(body.forward);
+  append(text, "{:.6f} {:.5f} {:.5f} {:.5f} 0 0 {:.7f} {:.7f}\n", t, body.position.x(),
+         body.position.y(), body.position.z(), sine, cosine);
+}
+
+// Where anchors hang and tags are mounted.
+void write_place(const sim::Scenario& scenario, const std::filesystem::path& directory) {
+  std::string anchors = "anchor_id,x_m,y_m,z_m\n";
+  for (const auto& anchor : scenario.anchors) {
+    append(anchors, "{},{:.4f},{:.4f},{:.4f}\n", anchor.id, anchor.position.x(),
+           anchor.position.y(), anchor.position.z());
+  }
+  std::string tags = "tag_id,x_m,y_m,z_m\n";
+  for (int i = 0; i < scenario.tag_count; ++i) {
+    const sim::Tag& tag = scenario.tags[static_cast<std::size_t>(i)];
+    append(tags, "{},{:.4f},{:.4f},{:.4f}\n", tag.id, tag.lever.x(), tag.lever.y(), tag.lever.z());
+  }
+  write_file(directory / "anchors.csv", anchors);
+  write_file(directory / "tags.csv", tags);
+}
+
+using Uplink = UplinkSubnet<double, 3, sim::kMaxSubnetAnchors>;
+
+struct LoggedDifference {
+  Id anchor_a;
+  Id anchor_b;
+  double difference;
+  double sigma;
+};
+
+// The differences of one blink that are logged.
+std::vector<LoggedDifference> differences_of(const Uplink& uplink,
+                                             const std::vector<BlinkArrival>& arrivals,
+                                             std::int64_t host, LogKind kind, sim::Random& random) {
+  std::vector<LoggedDifference> logged;
+  if (kind == LogKind::kShared) {
+    const auto blink = uplink.differences(arrivals, host);
+    if (!blink) return logged;
+    for (const DifferenceTo<double, 3>& d : blink->differences()) {
+      const auto anchor = std::ranges::find_if(
+          uplink.anchors(), [&](const auto& entry) { return entry.position == d.anchor; });
+      logged.push_back(
+          {blink->reference_id, anchor->id, d.difference, std::numbers::sqrt2 * blink->sigma});
+    }
+    return logged;
+  }
+  const int count = static_cast<int>(arrivals.size());
+  if (count < 2) return logged;
+  const int a = random.integer(0, count - 1);
+  const int b = (a + random.integer(1, count - 1)) % count;
+  const BlinkArrival& from = arrivals[static_cast<std::size_t>(a)];
+  const BlinkArrival& to = arrivals[static_cast<std::size_t>(b)];
+  const auto time_a = uplink.arrival(from, host);
+  const auto time_b = uplink.arrival(to, host);
+  if (!time_a || !time_b) return logged;
+  if (const auto d = tdoa_uplink_difference(*time_a, *time_b)) {
+    logged.push_back({from.anchor_id, to.anchor_id, d->value, std::sqrt(d->variance)});
+  }
+  return logged;
+}
+
 }  // namespace
 
 sim::Scenario make_scenario(const SimulateSettings& s) {
@@ -125,16 +190,6 @@ SimulatedLogs write_simulation(const sim::Scenario& scenario,
     throw Failure{fmt::format("simulate: {}; do --rate, the tags and the anchors fit together?",
                               describe(run.error()))};
   }
-  std::string anchors = "anchor_id,x_m,y_m,z_m\n";
-  for (const auto& anchor : scenario.anchors) {
-    append(anchors, "{},{:.4f},{:.4f},{:.4f}\n", anchor.id, anchor.position.x(),
-           anchor.position.y(), anchor.position.z());
-  }
-  std::string tags = "tag_id,x_m,y_m,z_m\n";
-  for (int i = 0; i < scenario.tag_count; ++i) {
-    const sim::Tag& tag = scenario.tags[static_cast<std::size_t>(i)];
-    append(tags, "{},{:.4f},{:.4f},{:.4f}\n", tag.id, tag.lever.x(), tag.lever.y(), tag.lever.z());
-  }
   std::string twr =
       "t_s,tag_id,anchor_id,poll_tx,poll_rx,resp_tx,resp_rx,final_tx,final_rx,clock_offset_ppm,"
       "true_range_m\n";
@@ -149,9 +204,7 @@ SimulatedLogs write_simulation(const sim::Scenario& scenario,
     ++logs.exchanges;
     progress(static_cast<std::size_t>(shot->epoch), epochs);
     append_exchange(twr, t, *shot);
-    const auto [sine, cosine] = half_turn(shot->body.forward);
-    append(truth, "{:.6f} {:.5f} {:.5f} {:.5f} 0 0 {:.7f} {:.7f}\n", t, shot->body.position.x(),
-           shot->body.position.y(), shot->body.position.z(), sine, cosine);
+    append_truth(truth, t, shot->body);
     const auto stamps = sim::ds_stamps(shot->exchange);
     const auto range = stamps
                            ? ds_twr_range<double>(*stamps)
@@ -162,15 +215,87 @@ SimulatedLogs write_simulation(const sim::Scenario& scenario,
            std::sqrt(range->variance));
   }
   make_directory(directory);
-  write_file(directory / "anchors.csv", anchors);
-  write_file(directory / "tags.csv", tags);
+  write_place(scenario, directory);
   write_file(directory / "twr.csv", twr);
   write_file(directory / "ranges.csv", ranges);
   write_file(directory / "truth.tum", truth);
   return logs;
 }
 
+SimulatedLogs write_tdoa_simulation(const SimulateSettings& settings) {
+  const sim::Scenario scenario = make_scenario(settings);
+  if (scenario.anchors.size() > sim::kMaxSubnetAnchors) {
+    throw Failure{fmt::format("simulate: --anchor-count: expected up to {} anchors with --tdoa",
+                              sim::kMaxSubnetAnchors)};
+  }
+  constexpr Id control = 1;
+  sim::UplinkScenario uplink_scenario;
+  sim::Site& site = uplink_scenario.site;
+  expect(sim::add(site, expect(sim::make_subnet(scenario.anchors, control), "--anchor-count")),
+         "--anchor-count");
+  site.path = scenario.path;
+  site.tags = scenario.tags;
+  site.tag_count = scenario.tag_count;
+  site.radio = scenario.radio;
+  site.blockage = scenario.blockage;
+  site.seed = scenario.seed;
+  uplink_scenario.blink_rate = settings.rate;
+  auto run = expect(sim::UplinkSimulation::start(uplink_scenario), "--rate");
+  Uplink uplink = expect(Uplink::make(site.subnets[0].anchors, control), "--anchor-count");
+
+  std::string tdoa = "t_s,tag_id,anchor_id_a,anchor_id_b,difference_m,sigma_m\n";
+  std::string truth = "# t_s x_m y_m z_m qx qy qz qw\n";
+  SimulatedLogs logs;
+  sim::Random random{settings.seed, "pairs and outliers"};
+  while (const auto event = run.next()) {
+    const auto& anchors = site.subnets[0].anchors;
+    if (const auto* frame = std::get_if<sim::SyncFrame>(&*event)) {
+      for (int i = 0; i < anchors.size(); ++i) {
+        const sim::Reception& at = frame->receptions[static_cast<std::size_t>(i)];
+        // What cannot be used is for the tracker to refuse.
+        if (at.received) (void)uplink.sync(anchors[i].id, frame->tx, at.rx, frame->host);
+      }
+      continue;
+    }
+    const sim::Blink& blink = std::get<sim::Blink>(*event);
+    const double t = sim::to_seconds(blink.time);
+    logs.seconds = t - sim::to_seconds(site.start);
+    ++logs.exchanges;
+    append_truth(truth, t, blink.body);
+    std::vector<BlinkArrival> arrivals;
+    for (int i = 0; i < anchors.size(); ++i) {
+      const sim::Reception& at = blink.receptions[0][static_cast<std::size_t>(i)];
+      if (at.received) arrivals.push_back({anchors[i].id, at.rx});
+    }
+    for (const LoggedDifference& d :
+         differences_of(uplink, arrivals, blink.host, settings.kind, random)) {
+      const bool outlier = random.chance(settings.outliers);
+      const double off = random.uniform(0.5, 4) * (random.chance(0.5) ? 1 : -1);
+      ++logs.complete;
+      append(tdoa, "{:.6f},{},{},{},{:.4f},{:.4f}\n", t, blink.tag_id, d.anchor_a, d.anchor_b,
+             d.difference + (outlier ? off : 0), d.sigma);
+    }
+  }
+  make_directory(settings.out);
+  write_place(scenario, settings.out);
+  write_file(settings.out / "tdoa.csv", tdoa);
+  write_file(settings.out / "truth.tum", truth);
+  return logs;
+}
+
 int run_simulate(const SimulateSettings& settings) {
+  if (settings.kind != LogKind::kTwoWay) {
+    const SimulatedLogs logs = write_tdoa_simulation(settings);
+    const std::string out = settings.out.string();
+    fmt::print(
+        "{} blinks over {:.1f} s, {} differences, in {}: anchors.csv, tags.csv, tdoa.csv,\n"
+        "truth.tum. Replay them with:\n"
+        "  uwbpos replay --anchors {}/anchors.csv --tags {}/tags.csv --tdoa {}/tdoa.csv \\\n"
+        "    --truth {}/truth.tum --height {:g} --out {}/replay\n",
+        logs.exchanges, logs.seconds, logs.complete, out, out, out, out, out, settings.tag_height,
+        out);
+    return kSuccess;
+  }
   const SimulatedLogs logs = write_simulation(make_scenario(settings), settings.out);
   const std::string out = settings.out.string();
   fmt::print(

@@ -18,6 +18,10 @@ namespace uwbpos::host {
 enum class RadioModel { kIdeal, kDw1000, kDw3000, kDeliveryRobot };
 enum class PathShape { kLawn, kCircle, kStops };
 
+/// What is logged: two-way exchanges, or differences of one blink at all anchors against a control
+/// anchor, or of each blink between two anchors that chance chooses.
+enum class LogKind { kTwoWay, kShared, kPairs };
+
 /// What `simulate` is asked for.
 struct SimulateSettings {
   std::filesystem::path out = "out";
@@ -34,6 +38,8 @@ struct SimulateSettings {
   double rate = 10;    ///< epochs in a second
   double blocked = 0;  ///< share of the time that a link is blocked
   double loss = 0;     ///< probability that a frame is lost
+  LogKind kind = LogKind::kTwoWay;
+  double outliers = 0;  ///< share of differences that are off by 0.5 … 4 m
 };
 
 /// The scenario. Throws `Failure` for a hall, a number or a path that cannot be.
@@ -48,6 +54,10 @@ struct SimulatedLogs {
 /// Runs the scenario and writes anchors.csv, tags.csv, twr.csv, ranges.csv and truth.tum.
 SimulatedLogs write_simulation(const sim::Scenario& scenario,
                                const std::filesystem::path& directory);
+
+/// Runs the scenario as an uplink of blinks and sync frames, ten a second, and writes anchors.csv,
+/// tags.csv, tdoa.csv and truth.tum. `exchanges` counts blinks, `complete` differences.
+SimulatedLogs write_tdoa_simulation(const SimulateSettings& settings);
 
 int run_simulate(const SimulateSettings& settings);
 

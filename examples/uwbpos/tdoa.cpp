@@ -46,6 +46,41 @@ struct Solved {
   bool consistent;
 };
 
+// Differences of one blink against one reference are not independent: Q = σ² (I + 11ᵀ). The same
+// sum of squares comes from all pairs of the n arrivals, each with √n of an arrival's sigma:
+//   Σ_{i<j} (x_i − x_j)² / n = Σ (x_i − mean)².
+// Nothing where they are not of one blink, or too many.
+std::vector<PairDifference<double, 3>> all_pairs_of_blink(const DifferenceEpoch& epoch,
+                                                          Pairs differences,
+                                                          std::uint64_t excluded) {
+  struct Arrival {
+    Vec<double, 3> anchor;
+    double later;  // than the reference [m]
+  };
+  std::vector<Arrival> arrivals{{differences.front().anchor_a, 0}};
+  double variance = 0;
+  for (std::size_t i = 0; i < differences.size(); ++i) {
+    const Difference& d = epoch.differences[i];
+    const Difference& first = epoch.differences.front();
+    if (d.t != first.t || d.anchor_a != first.anchor_a) return {};
+    if ((excluded >> i & 1) != 0) continue;
+    arrivals.push_back({differences[i].anchor_b, differences[i].difference});
+    variance += differences[i].sigma * differences[i].sigma / 2;
+  }
+  const std::size_t n = arrivals.size();
+  std::vector<PairDifference<double, 3>> pairs;
+  if (n < 3 || n * (n - 1) / 2 > static_cast<std::size_t>(kMaxMeasurements)) return pairs;
+  const double mean = variance / static_cast<double>(n - 1);  // of one arrival
+  const double sigma = std::sqrt(mean * static_cast<double>(n));
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t j = i + 1; j < n; ++j) {
+      pairs.push_back(
+          {arrivals[i].anchor, arrivals[j].anchor, arrivals[j].later - arrivals[i].later, sigma});
+    }
+  }
+  return pairs;
+}
+
 // Solves epochs one after the other; remembers each tag's last position.
 class DifferenceSolver {
  public:
@@ -70,6 +105,7 @@ class DifferenceSolver {
         last != last_.end() ? std::optional{last->second} : settings_.prior;
     by_prior = false;
     Result<Solved> solved = dim_ == 3 ? in_space(prior) : in_plane(epoch.tag, prior);
+    if (solved) refine(epoch, *solved);
     if (solved) last_[epoch.tag] = solved->position;
     return solved;
   }
@@ -124,6 +160,26 @@ class DifferenceSolver {
                   fix->fix.degrees_of_freedom,
                   fix->excluded,
                   fix->consistent};
+  }
+
+  // Correlations, where there are any, once the outliers are known.
+  void refine(const DifferenceEpoch& epoch, Solved& solved) {
+    const auto pairs = all_pairs_of_blink(epoch, pairs_, solved.excluded);
+    if (pairs.empty()) return;
+    const Vec3 start = solved.position;
+    if (dim_ == 3) {
+      const auto fix = timed([&] { return locate(pairs, {.prior = start}); });
+      if (!fix) return;
+      solved.position = fix->position;
+      solved.chi_squared = fix->chi_squared;
+    } else {
+      const auto fix = timed([&] {
+        return locate_level(pairs, start.z(), {.prior = Vec<double, 2>{start.head<2>()}});
+      });
+      if (!fix) return;
+      solved.position.head<2>() = fix->position;
+      solved.chi_squared = fix->chi_squared;
+    }
   }
 
   const Settings& settings_;
