@@ -22,6 +22,8 @@ target_compile_options(uwbpos_own INTERFACE
   -Wall -Wextra -Wconversion -Wdouble-promotion -Wshadow -Werror
   # g++ 12 takes the copy of an array that is filled in part for a mistake.
   $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>
+  # libstdc++ 12's stable_sort calls a function that it deprecates; clang sees it.
+  $<$<CXX_COMPILER_ID:Clang>:-Wno-deprecated-declarations>
   # A fused multiply-add rounds once where the source says twice, and each compiler fuses
   # where it likes. Firmware and server agree bit for bit only without it.
   -ffp-contract=off

@@ -3,6 +3,7 @@
 // possible, and what happens when one anchor lies.
 #include <cmath>
 #include <cstdio>
+#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -108,9 +109,9 @@ int main() {
     for (std::size_t i = 0; i < anchors.size(); ++i) {
       const Point& a = anchors[i];
       const Point& b = anchors[(i + 1) % anchors.size()];
-      const double noise = random.normal(0, std::sqrt(2.0) * kSigma);
-      pairs.push_back(
-          {a, b, predict_range_difference(tag, a, b).difference + noise, std::sqrt(2.0) * kSigma});
+      const double noise = random.normal(0, std::numbers::sqrt2 * kSigma);
+      pairs.push_back({a, b, predict_range_difference(tag, a, b).difference + noise,
+                       std::numbers::sqrt2 * kSigma});
     }
     return pairs;
   };

@@ -299,7 +299,24 @@ TEST_CASE_TEMPLATE("The ends of host time are times like others", S, float, doub
   CHECK(tracker.update(zero, zero, low).error() == Error::NotYetTracked);
   CHECK(tracker.update(zero, zero, high).error() == Error::GapTooLong);
   CHECK(tracker.update(zero, zero, low).error() == Error::TimeNotIncreasing);
-  CHECK(tracker.update(zero, zero, low + 100'000).has_value());
+  const DeviceTime<32> later{1000};
+  CHECK(tracker.update(later, later, low + 100'000).has_value());
+}
+
+TEST_CASE_TEMPLATE("An exchange that is logged twice is a repeat, not a wrap to the tick", S, float,
+                   double) {
+  sim::Random random{"logged twice"};
+  Pair pair;
+  RateTracker<S, 40> tracker;
+  for (int i = 0; i < 50; ++i) {
+    Event event = next(pair, 0.1, random);
+    const auto result = feed(tracker, event);
+    CHECK(result.has_value() == (i > 0));
+    event.host += 2500;
+    CHECK(refused(tracker, event) == Error::TimeNotIncreasing);
+  }
+  // Fifty events of 0.15 ns, 0.1 s apart: a few ppb.
+  CHECK(std::abs(static_cast<double>(tracker.rate().value().value) - pair.delta()) < 1e-8);
 }
 
 TEST_CASE_TEMPLATE("NaN and options outside their domain pass no gate", S, float, double) {

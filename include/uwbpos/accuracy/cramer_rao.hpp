@@ -36,7 +36,7 @@ template <class S, int D>
 [[nodiscard]] Result<Mat<S, D>> bound_of(const Mat<S, D>& information) {
   const Ldlt<S, D> factor{information};
   if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
-  const Mat<S, D> bound = factor.inverse();
+  Mat<S, D> bound = factor.inverse();
   if (!all_finite(bound)) return std::unexpected(Error::DegenerateGeometry);
   return bound;
 }

@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <numbers>
 #include <optional>
 #include <ranges>
 #include <span>
@@ -80,7 +81,7 @@ template <class S, int D>
   }
   if (!all_finite(reference) || !std::isfinite(sigma)) return Error::NotFinite;
   if (!(sigma >= kSmallestSigma<S>)) return Error::NonPositiveSigma;
-  const S slack = S(kDifferenceSigmas) * S(1.4142135623730951) * sigma;
+  const S slack = S(kDifferenceSigmas) * std::numbers::sqrt2_v<S> * sigma;
   for (const DifferenceTo<S, D>& d : differences) {
     if (!all_finite(d.anchor) || !std::isfinite(d.difference)) return Error::NotFinite;
     const Vec<S, D> baseline = d.anchor - reference;

@@ -63,7 +63,7 @@ template <class S, int D>
 [[nodiscard]] S difference_chi_squared(const DifferenceView<S, D>& view,
                                        const Vec<S, D>& position) {
   const auto residual = [&](std::size_t i) {
-    const RangeTo<S, D> r = view[i];
+    const RangeTo<S, D>& r = view[i];
     return r.range - predict_range(position, r.anchor).range;
   };
   S mean = S(0);

@@ -80,14 +80,20 @@ template <class S, int D>
 /// Which of two minima to answer: the only one, the one that the measurements leave, or the one
 /// that the caller's knowledge picks; `options` relative to what the states are relative to.
 /// The first D numbers of a state are the position. Side and prior are heard while Δχ² < 25.
-/// O(N²), no allocation. Error::AmbiguousSolution; the first one's error when neither converged.
+/// O(N²), no allocation. Error::AmbiguousSolution; the first one's error when neither converged;
+/// Error::NotConverged when one did and does not explain the measurements.
 template <class S, int D, int N>
 [[nodiscard]] Result<Minimum<S, N>> settle_images(const Result<Minimum<S, N>>& first,
                                                   const Result<Minimum<S, N>>& second,
                                                   const LocateOptions<S, D>& options,
                                                   int degrees_of_freedom, S largest, S rounding) {
-  if (!first && second) return second;
-  if (!first || !second) return first;
+  if (!first && !second) return first;
+  if (!first || !second) {
+    // Where one descent failed the other is all that is known: it must speak for itself.
+    const Result<Minimum<S, N>>& only = first ? first : second;
+    if (is_believable(only->chi_squared, degrees_of_freedom)) return only;
+    return std::unexpected(Error::NotConverged);
+  }
   const bool in_order = first->chi_squared <= second->chi_squared;
   const Minimum<S, N>& best = in_order ? *first : *second;
   const Minimum<S, N>& other = in_order ? *second : *first;

@@ -9,7 +9,7 @@
 ///     H \, \Delta x = \nabla. \qquad (1) \f]
 /// This is Newton's step: H adds to Gauss-Newton's J the curvature of the model, without which a
 /// tag near the anchors' plane takes tens of steps. Where H is not positive or its step does not
-/// help, J takes its place, damped as Levenberg has it.
+/// help, J takes its place, as it is and then damped as Levenberg has it.
 
 #include <algorithm>
 #include <cmath>
@@ -48,31 +48,38 @@ template <class S, int N, class Evaluate>
   constexpr S kLeastDamping = S(1e-3);
   constexpr S kMostDamping = S(1e6);
   NormalEquations<S, N> normal = evaluate(state);
+  bool newton = true;  // H; else J, damped
   S damping = S(0);
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
     const S trace = normal.information.trace();
-    Mat<S, N> matrix = damping > S(0) ? normal.information : normal.hessian;
+    Mat<S, N> matrix = newton ? normal.hessian : normal.information;
     for (int i = 0; i < N; ++i) matrix(i, i) += damping * trace;
     const Ldlt<S, N> factor{matrix};
-    if (!factor.positive_definite()) {
-      damping = std::max(damping * S(4), kLeastDamping);
-      if (!(damping < kMostDamping)) break;
-      continue;
+    bool helps = factor.positive_definite();
+    if (helps) {
+      const Vec<S, N> step = factor.solve(normal.gradient);
+      const S gain = dot(step, normal.gradient);
+      // The gain that rounding of every residual pretends, where that is more.
+      const S noise = trace * rounding * rounding;
+      if ((damping <= kLeastDamping && gain <= std::max(kSmallStep, noise)) ||
+          squared_norm(step) <= rounding * rounding) {
+        // Newton squares what is left: after a step so small nothing need be evaluated again.
+        return Minimum<S, N>{state + step, normal.information, normal.chi_squared};
+      }
+      const NormalEquations<S, N> next = evaluate(Vec<S, N>{state + step});
+      // No worse than what rounding of every residual may add to χ².
+      const S worst = std::sqrt(normal.chi_squared) + std::sqrt(noise);
+      helps = next.chi_squared <= worst * worst;
+      if (helps) {
+        state += step;
+        normal = next;
+      }
     }
-    const Vec<S, N> step = factor.solve(normal.gradient);
-    const S gain = dot(step, normal.gradient);
-    if ((damping <= kLeastDamping && gain <= kSmallStep) ||
-        squared_norm(step) <= rounding * rounding) {
-      // Newton squares what is left: after a step so small nothing need be evaluated again.
-      return Minimum<S, N>{state + step, normal.information, normal.chi_squared};
-    }
-    const NormalEquations<S, N> next = evaluate(Vec<S, N>{state + step});
-    // No worse than what rounding of every residual may add to χ².
-    const S worst = std::sqrt(normal.chi_squared) + std::sqrt(trace) * rounding;
-    if (next.chi_squared <= worst * worst) {
-      state += step;
-      normal = next;
+    if (helps) {
+      newton = true;
       damping = S(0);
+    } else if (newton) {
+      newton = false;
     } else {
       damping = std::max(damping * S(4), kLeastDamping);
       if (!(damping < kMostDamping)) break;

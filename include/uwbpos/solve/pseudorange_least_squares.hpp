@@ -32,7 +32,7 @@ template <class S, int D, PseudorangeView<S, D> V>
   for (int k = 0; k < D; ++k) position[k] = state[k];
   S curvature = S(0);
   for (std::size_t i = 0; i < view.size(); ++i) {
-    const RangeTo<S, D> r = view[i];
+    const RangeTo<S, D>& r = view[i];
     const Vec<S, D> anchor = r.anchor - center;
     const PseudorangePrediction<S, D> predicted = predict_pseudorange(position, state[D], anchor);
     const S weight = S(1) / (r.sigma * r.sigma);

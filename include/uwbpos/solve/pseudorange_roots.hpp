@@ -58,7 +58,7 @@ template <class S, int D, PseudorangeView<S, D> V>
 [[nodiscard]] Result<PseudorangeRoots<S, D>> pseudorange_roots(
     const V& view, const std::type_identity_t<BiasedPosition<S, D>>* near = nullptr) {
   const std::size_t n = view.size();
-  const RangeTo<S, D> origin = view[0];
+  const RangeTo<S, D>& origin = view[0];
   const auto weight = [&](const RangeTo<S, D>& r) {
     // A range of less than a sigma would weigh without bound.
     const S range = near ? std::max(r.range - near->bias, r.sigma) : S(1);
@@ -68,7 +68,7 @@ template <class S, int D, PseudorangeView<S, D> V>
   Vec<S, D> mean = Vec<S, D>::Zero();
   S mean_range = S(0);
   for (std::size_t i = 0; i < n; ++i) {
-    const RangeTo<S, D> r = view[i];
+    const RangeTo<S, D>& r = view[i];
     const S w = weight(r);
     total += w;
     mean += w * (r.anchor - origin.anchor);
@@ -77,7 +77,7 @@ template <class S, int D, PseudorangeView<S, D> V>
   mean /= total;
   mean_range /= total;
   const auto centered = [&](std::size_t i) {
-    const RangeTo<S, D> r = view[i];
+    const RangeTo<S, D>& r = view[i];
     const Vec<S, D> u = (r.anchor - origin.anchor) - mean;
     Vec<S, D + 1> row;
     for (int k = 0; k < D; ++k) row[k] = u[k];

@@ -128,11 +128,11 @@ template <PairDifferenceSet R>
   S noise = S(0);
   for (const PairDifference<S, D>& d : pairs) noise += (rounding / d.sigma) * (rounding / d.sigma);
   const Result<Minimum<S, D>> found =
-      settle_images<S, D, D>(first, second, relative, freedom, largest, noise);
+      second ? settle_images<S, D, D>(first, second, relative, freedom, largest, noise) : first;
   if (!found) return std::unexpected(found.error());
   const Ldlt<S, D> factor{found->information};
-  const Fix<S, D> fix{center + found->state, factor.inverse(), evaluate(found->state).chi_squared,
-                      freedom};
+  Fix<S, D> fix{center + found->state, factor.inverse(), evaluate(found->state).chi_squared,
+                freedom};
   if (!all_finite(fix.position) || !all_finite(fix.covariance) || !std::isfinite(fix.chi_squared)) {
     return std::unexpected(Error::NumericOverflow);
   }

@@ -32,7 +32,7 @@ template <RangeSet R>
   const auto at = [&](S tau) -> Vec<S, D> { return foot + tau * roots->direction; };
   if (roots->flat()) {
     const S root = roots->square > roots->rounding() ? std::sqrt(roots->square) : S(0);
-    const Mirror<S, D> images{at(root), at(-root)};
+    Mirror<S, D> images{at(root), at(-root)};
     if (!all_finite(images.first) || !all_finite(images.second)) {
       return std::unexpected(Error::NumericOverflow);
     }

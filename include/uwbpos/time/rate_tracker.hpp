@@ -73,7 +73,8 @@ class RateTracker {
   /// step
   ///   in [0, 1), 0 < `max_gap` ≤ 1000 h, 0 ≤ `reorder_window`, 0 ≤ `host_jitter` ≤ `max_gap`.
   ///   Nothing changes.
-  /// - TimeNotIncreasing: host time stands still or steps back. A step back within
+  /// - TimeNotIncreasing: host time stands still or steps back, or both stamps
+  ///   are those of the last event once more (nothing changes). A step back within
   ///   `reorder_window` is a late or repeated frame and is ignored; a longer one starts afresh.
   /// - NotYetTracked: the first event.
   /// - GapTooLong: the gap exceeds `max_gap`, or \f$ \delta_{max} \Delta A \f$ reaches half a wrap
@@ -150,6 +151,8 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
   if (overflow || gap > options_.max_gap) {
     return std::unexpected(restart(a, b, host, Error::GapTooLong));
   }
+
+  if (a == a_ && b == b_) return std::unexpected(Error::TimeNotIncreasing);  // a repeat
 
   // Equation (3).
   const std::int64_t host_interval = to_ticks(gap);
