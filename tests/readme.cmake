@@ -23,3 +23,11 @@ add_executable(readme_block ${CMAKE_CURRENT_BINARY_DIR}/readme_block.cpp)
 target_link_libraries(readme_block PRIVATE uwbpos::uwbpos)
 target_compile_options(readme_block PRIVATE -Wall -Wextra -Werror)
 add_test(NAME readme_block COMMAND readme_block)
+
+# It prints what the README says it prints.
+string(REGEX MATCH "It prints `([^`]*)`" promised "${text}")
+if(NOT promised)
+  message(FATAL_ERROR "README.md does not say what its program prints")
+endif()
+string(REGEX REPLACE "([+.])" "\\\\\\1" promised "${CMAKE_MATCH_1}")
+set_tests_properties(readme_block PROPERTIES PASS_REGULAR_EXPRESSION "${promised}")
