@@ -37,6 +37,13 @@ constexpr const char* kReplayFooter =
     "  ranges.csv   t_s,anchor_id,range_m [tag_id,sigma_m,rssi_dbm,fp_power_dbm]\n"
     "  tdoa.csv     t_s,anchor_id_a,anchor_id_b,difference_m [tag_id,sigma_m]\n"
     "               difference: distance(tag, b) minus distance(tag, a)\n"
+    "  subnets.csv  subnet_id,x_m,y_m,z_m,yaw_deg\n"
+    "               [control_anchor_id,sigma_m,sigma_yaw_deg]: where the subnet's origin,\n"
+    "               its control anchor, is in the map, and its x axis points; or\n"
+    "               subnet_id,anchor_id,x_m,y_m,z_m [control_anchor_id,sigma_m]: two or\n"
+    "               more of its anchors surveyed in the map. anchors.csv then has\n"
+    "               subnet_id, and positions in the subnet's own frame, where each\n"
+    "               subnet is solved; positions of several are fused by covariance\n"
     "  twr.csv      t_s,anchor_id,poll_tx,poll_rx,resp_tx,resp_rx [tag_id,final_tx,final_rx,\n"
     "               clock_offset_ppm,fp_power_dbm,true_range_m,logged_range_m]\n"
     "  bias.csv     anchor_id,bias_m [tag_id]         range minus truth, is subtracted\n"
@@ -143,6 +150,9 @@ void add_solving(CLI::App& app, Arguments& a) {
       ->type_name("FILE")
       ->excludes(app.get_option("--ranges"))
       ->excludes(app.get_option("--twr"));
+  app.add_option("--subnets", s.subnets, "how subnets lie in the map (CSV)")
+      ->type_name("FILE")
+      ->needs(app.get_option("--tdoa"));
   app.add_option("--bias", s.bias, "bias of each link (CSV, from calibrate)")->type_name("FILE");
   add_choice<std::optional<int>>(app, "--dim", s.dim,
                                  "2: in the plane, 3: in space (default: 2 with\n--height or when "

@@ -63,6 +63,7 @@ std::string_view reason_words(std::string_view name) {
     const auto error = static_cast<Error>(i);
     if (reason_name(error) == name && name != "other_error") return describe(error);
   }
+  if (name == "across_subnets") return "its two anchors belong to different subnets";
   return name;
 }
 

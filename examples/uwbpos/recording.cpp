@@ -54,6 +54,9 @@ Recording read_recording(const Settings& settings, Problems& problems) {
       throw Failure{fmt::format("{}: holds no anchor", settings.anchors.string())};
     }
   }
+  if (!settings.subnets.empty()) {
+    site.subnets = read_subnets(settings.subnets, settings.anchors, site.anchors, problems);
+  }
   if (!settings.tags.empty()) site.tags = read_tags(settings.tags, problems);
   if (!settings.bias.empty()) site.bias = read_bias(settings.bias, problems);
   if (!settings.truth.empty()) site.truth = read_trajectory(settings.truth, problems);
@@ -141,6 +144,15 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
         "them, more than any other.",
         count_of(replay.excluded, "difference"), replay.excluded == 1 ? "an outlier" : "outliers",
         worst->first, worst->second));
+  }
+  for (const SubnetFrame& frame : recording.site.subnets.frames) {
+    if (frame.fit_rms == 0) continue;
+    said.push_back(fmt::format("Subnet {} fits its surveyed anchors to {:.3f} m rms.", frame.id,
+                               frame.fit_rms));
+  }
+  if (replay.fused > 0) {
+    said.push_back(fmt::format("{} heard by several subnets, whose positions were fused.",
+                               count_of(replay.fused, "epoch")));
   }
   if (replay.inconsistent > 0) {
     said.push_back(

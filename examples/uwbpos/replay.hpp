@@ -15,6 +15,7 @@
 #include "reasons.hpp"
 #include "scoring.hpp"
 #include "settings.hpp"
+#include "subnets.hpp"
 
 namespace uwbpos::host {
 
@@ -65,6 +66,7 @@ struct Replay {
   std::size_t chosen_by_prior = 0;
   std::size_t excluded = 0;  ///< readings of solved epochs that the others contradict
   std::map<Id, std::size_t> excluded_of_anchor;  ///< a difference counts for both of its anchors
+  std::size_t fused = 0;              ///< epochs whose position several subnets agreed on
   std::size_t inconsistent = 0;       ///< solved epochs that contradict themselves all the same
   std::optional<double> found_sigma;  ///< of a difference, found from the log [m]
   double solve_seconds = 0;           ///< inside `locate`
@@ -76,7 +78,8 @@ struct Site {
   Points anchors;
   Points tags;  ///< lever arms; empty: each tag is the body's origin
   BiasTable bias;
-  Trajectory truth;  ///< of the body; empty: unknown
+  Trajectory truth;          ///< of the body; empty: unknown
+  SubnetTable subnets = {};  ///< of anchors whose differences are solved subnet by subnet
 };
 
 /// 2 or 3: as the settings say; else 2 when the tags' height is given or all anchors are equally

@@ -133,6 +133,7 @@ std::string summary_json(const Settings& settings, const Recording& recording, c
     if (replay->of_differences) {
       json["excluded_differences"] = replay->excluded;
       json["excluded_differences_of_anchor"] = json_of(replay->excluded_of_anchor);
+      json["fused_epochs"] = replay->fused;
       json["inconsistent_epochs"] = replay->inconsistent;
       if (replay->found_sigma) json["found_sigma_m"] = *replay->found_sigma;
     }

@@ -8,6 +8,8 @@
 #include <set>
 #include <utility>
 
+#include "uwbpos/frames/fuse_fixes.hpp"
+
 #include "level_solver.hpp"
 #include "statistics.hpp"
 
@@ -40,6 +42,7 @@ void close(Placed& closed, Open& open) {
 // What one epoch came to.
 struct Solved {
   Vec3 position;
+  Mat<double, 3> covariance;  // of the plane alone in 2-D
   double chi_squared;
   int degrees_of_freedom;
   std::uint64_t excluded;
@@ -85,27 +88,32 @@ std::vector<PairDifference<double, 3>> all_pairs_of_blink(const DifferenceEpoch&
 class DifferenceSolver {
  public:
   DifferenceSolver(const Settings& settings, const Site& site, int dim)
-      : settings_{settings}, site_{site}, dim_{dim} {}
+      : settings_{settings}, site_{site}, dim_{dim} {
+    for (const SubnetFrame& f : site.subnets.frames) {
+      // Ids are unique and transforms were checked when they were read.
+      (void)plane_.add({f.id, f.control_anchor, f.map_T_subnet});
+      (void)space_.add({f.id, f.control_anchor, in_space_of(f)});
+    }
+  }
 
   // Of differences whose log tells none [m].
   double sigma = kRangeSigma * kArrivalsPerDifference;
   double seconds = 0;
   std::size_t calls = 0;
   bool by_prior = false;
+  bool fused = false;
 
   Result<Solved> solve(const DifferenceEpoch& epoch) {
-    pairs_.clear();
-    for (const Difference& d : epoch.differences) {
-      pairs_.push_back({site_.anchors.at(d.anchor_a), site_.anchors.at(d.anchor_b), d.difference,
-                        d.sigma.value_or(sigma)});
-      if (flat()) pairs_.back().anchor_a.z() = pairs_.back().anchor_b.z() = 0;
-    }
     const auto last = last_.find(epoch.tag);
     const std::optional<Vec3> prior =
         last != last_.end() ? std::optional{last->second} : settings_.prior;
     by_prior = false;
-    Result<Solved> solved = dim_ == 3 ? in_space(prior) : in_plane(epoch.tag, prior);
-    if (solved) refine(epoch, *solved);
+    fused = false;
+    const double height =
+        settings_.height ? tag_height(*settings_.height, site_.tags, epoch.tag) : 0.0;
+    Result<Solved> solved = site_.subnets.empty() ? in_frame(epoch, site_.anchors, height, prior)
+                            : dim_ == 3           ? in_subnets<3>(epoch, height, prior)
+                                                  : in_subnets<2>(epoch, height, prior);
     if (solved) last_[epoch.tag] = solved->position;
     return solved;
   }
@@ -130,6 +138,85 @@ class DifferenceSolver {
     return result;
   }
 
+  static Transform<double, 3> in_space_of(const SubnetFrame& frame) {
+    return uwbpos::in_space(frame.map_T_subnet, frame.height);
+  }
+
+  // All in one frame, that of `anchors`, `height` and `prior`.
+  Result<Solved> in_frame(const DifferenceEpoch& epoch, const Points& anchors, double height,
+                          const std::optional<Vec3>& prior) {
+    pairs_.clear();
+    for (const Difference& d : epoch.differences) {
+      pairs_.push_back(
+          {anchors.at(d.anchor_a), anchors.at(d.anchor_b), d.difference, d.sigma.value_or(sigma)});
+      if (flat()) pairs_.back().anchor_a.z() = pairs_.back().anchor_b.z() = 0;
+    }
+    Result<Solved> solved = dim_ == 3 ? in_space(prior) : in_plane(height, prior);
+    if (solved) refine(epoch, *solved);
+    return solved;
+  }
+
+  template <int D>
+  Subnets<double, D, kMostSubnets>& subnets() {
+    if constexpr (D == 3) {
+      return space_;
+    } else {
+      return plane_;
+    }
+  }
+
+  // Each subnet in its own frame, then all that heard the tag as one in the map.
+  template <int D>
+  Result<Solved> in_subnets(const DifferenceEpoch& epoch, double height,
+                            const std::optional<Vec3>& prior) {
+    std::vector<SubnetFix<double, D>> fixes;
+    Solved all{Vec3::Zero(), Mat<double, 3>::Zero(), 0, 0, 0, true};
+    Error last_error = Error::TooFewMeasurements;
+    for (std::size_t place = 0; place < site_.subnets.frames.size(); ++place) {
+      DifferenceEpoch own{epoch.tag, epoch.t, {}};
+      std::vector<std::size_t> from;
+      for (std::size_t i = 0; i < epoch.differences.size(); ++i) {
+        if (site_.subnets.of_anchor.at(epoch.differences[i].anchor_a) != place) continue;
+        own.differences.push_back(epoch.differences[i]);
+        from.push_back(i);
+      }
+      if (own.differences.empty()) continue;
+      const SubnetFrame& frame = site_.subnets.frames[place];
+      const auto subnet_T_map = inverse(in_space_of(frame));
+      const auto local_prior = prior ? std::optional<Vec3>{apply(subnet_T_map, *prior)} : prior;
+      const double floor = flat() ? 0 : frame.height.value;
+      const Result<Solved> solved = in_frame(own, site_.subnets.local, height - floor, local_prior);
+      if (!solved) {
+        last_error = solved.error();
+        continue;
+      }
+      fixes.push_back(
+          {frame.id,
+           {solved->position.template head<D>(), solved->covariance.template topLeftCorner<D, D>(),
+            solved->chi_squared, solved->degrees_of_freedom}});
+      for (std::size_t i = 0; i < from.size(); ++i) {
+        all.excluded |= (solved->excluded >> i & 1) << from[i];
+      }
+      all.consistent = all.consistent && solved->consistent;
+    }
+    if (fixes.empty()) return std::unexpected(last_error);
+    if (fixes.size() > kMaxHeard) fixes.resize(kMaxHeard);
+    FuseOptions<double> options;
+    if (const auto led = leading_.find(epoch.tag); led != leading_.end()) {
+      options.preferred = led->second;
+    }
+    const auto map = fuse_and_learn(subnets<D>(), fixes, options);
+    if (!map) return std::unexpected(map.error());
+    leading_[epoch.tag] = map->leading;
+    fused = map->fused > 1;
+    all.position.z() = height;
+    all.position.template head<D>() = map->fix.position;
+    all.covariance.template topLeftCorner<D, D>() = map->fix.covariance;
+    all.chi_squared = map->fix.chi_squared;
+    all.degrees_of_freedom = map->fix.degrees_of_freedom;
+    return all;
+  }
+
   Result<Solved> in_space(const std::optional<Vec3>& prior) {
     LocateOptions<double, 3> options;
     if (settings_.side != Side::kUnknown) {
@@ -143,23 +230,21 @@ class DifferenceSolver {
       fix = timed(attempt);
     }
     if (!fix) return std::unexpected(fix.error());
-    return Solved{fix->fix.position, fix->fix.chi_squared, fix->fix.degrees_of_freedom,
-                  fix->excluded, fix->consistent};
+    return Solved{fix->fix.position,           fix->fix.covariance, fix->fix.chi_squared,
+                  fix->fix.degrees_of_freedom, fix->excluded,       fix->consistent};
   }
 
-  Result<Solved> in_plane(Id tag, const std::optional<Vec3>& prior) {
-    const double height = settings_.height ? tag_height(*settings_.height, site_.tags, tag) : 0.0;
+  Result<Solved> in_plane(double height, const std::optional<Vec3>& prior) {
     LocateOptions<double, 2> options;
     if (prior) options.prior = prior->head<2>();
     const auto fix =
         timed([&] { return locate_level_excluding(pairs_, height, options, exclusion()); });
     if (!fix) return std::unexpected(fix.error());
     const Vec<double, 2>& at = fix->fix.position;
-    return Solved{{at.x(), at.y(), height},
-                  fix->fix.chi_squared,
-                  fix->fix.degrees_of_freedom,
-                  fix->excluded,
-                  fix->consistent};
+    Mat<double, 3> covariance = Mat<double, 3>::Zero();
+    covariance.topLeftCorner<2, 2>() = fix->fix.covariance;
+    return Solved{{at.x(), at.y(), height},    covariance,    fix->fix.chi_squared,
+                  fix->fix.degrees_of_freedom, fix->excluded, fix->consistent};
   }
 
   // Correlations, where there are any, once the outliers are known.
@@ -171,6 +256,7 @@ class DifferenceSolver {
       const auto fix = timed([&] { return locate(pairs, {.prior = start}); });
       if (!fix) return;
       solved.position = fix->position;
+      solved.covariance = fix->covariance;
       solved.chi_squared = fix->chi_squared;
     } else {
       const auto fix = timed([&] {
@@ -178,6 +264,7 @@ class DifferenceSolver {
       });
       if (!fix) return;
       solved.position.head<2>() = fix->position;
+      solved.covariance.topLeftCorner<2, 2>() = fix->covariance;
       solved.chi_squared = fix->chi_squared;
     }
   }
@@ -187,6 +274,9 @@ class DifferenceSolver {
   int dim_;
   std::vector<PairDifference<double, 3>> pairs_;
   std::map<Id, Vec3> last_;
+  Subnets<double, 2, kMostSubnets> plane_;
+  Subnets<double, 3, kMostSubnets> space_;
+  std::map<Id, Id> leading_;  // of each tag, the subnet with the best position last
 };
 
 double distance(const Vec3& a, const Vec3& b, bool flat) {
@@ -210,6 +300,11 @@ std::vector<Difference> usable(const Settings& settings, const Site& site, bool 
     const auto b = site.anchors.find(d.anchor_b);
     if (a == site.anchors.end() || b == site.anchors.end()) {
       ++result.unknown_anchors[a == site.anchors.end() ? d.anchor_a : d.anchor_b];
+      continue;
+    }
+    if (!site.subnets.empty() &&
+        site.subnets.of_anchor.at(d.anchor_a) != site.subnets.of_anchor.at(d.anchor_b)) {
+      ++result.refused_readings["across_subnets"];
       continue;
     }
     if (!site.tags.empty() && !site.tags.contains(d.tag)) ++result.unknown_tags[d.tag];
@@ -352,6 +447,7 @@ Replay replay_differences(Settings settings, const Site& site,
     }
     ++of_tag.solved;
     if (solver.by_prior) ++result.chosen_by_prior;
+    if (solver.fused) ++result.fused;
     if (!solved->consistent) ++result.inconsistent;
     std::size_t excluded = 0;
     for (std::size_t k = 0; k < epoch.differences.size(); ++k) {
