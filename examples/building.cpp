@@ -71,7 +71,13 @@ Result<FittedTransform<double, 3>> survey(const sim::Subnet& subnet, sim::Random
 }  // namespace
 
 int main() {
-  sim::UplinkScenario scenario;
+  sim::Route route{.speed = 1.5, .radius = 1};
+  for (const auto& [x, y] :
+       {std::pair{4.0, 4.0}, {36.0, 6.0}, {33.0, 35.0}, {5.0, 34.0}, {6.0, 6.0}, {34.0, 33.0}}) {
+    const auto added = sim::add(route, {x, y, 1.5});
+    if (!added) return complain("route", added.error());
+  }
+  sim::UplinkScenario scenario{.site = {.path = route}};
   sim::Site& site = scenario.site;
   Subnets<double, 3, kSubnets> map;
   std::vector<Uplink> uplinks;
@@ -93,13 +99,6 @@ int main() {
     std::printf("subnet %d: fits its surveyed anchors to %.0f mm rms\n", k + 1, 1000 * fit->rms);
   }
 
-  sim::Route route{.speed = 1.5, .radius = 1};
-  for (const auto& [x, y] :
-       {std::pair{4.0, 4.0}, {36.0, 6.0}, {33.0, 35.0}, {5.0, 34.0}, {6.0, 6.0}, {34.0, 33.0}}) {
-    const auto added = sim::add(route, {x, y, 1.5});
-    if (!added) return complain("route", added.error());
-  }
-  site.path = route;
   site.reach = kReach;
   site.seed = 4;
   scenario.blink_rate = 5;

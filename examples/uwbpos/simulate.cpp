@@ -229,11 +229,10 @@ SimulatedLogs write_tdoa_simulation(const SimulateSettings& settings) {
                               sim::kMaxSubnetAnchors)};
   }
   constexpr Id control = 1;
-  sim::UplinkScenario uplink_scenario;
+  sim::UplinkScenario uplink_scenario{.site = {.path = scenario.path}};
   sim::Site& site = uplink_scenario.site;
   expect(sim::add(site, expect(sim::make_subnet(scenario.anchors, control), "--anchor-count")),
          "--anchor-count");
-  site.path = scenario.path;
   site.tags = scenario.tags;
   site.tag_count = scenario.tag_count;
   site.radio = scenario.radio;

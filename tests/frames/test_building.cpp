@@ -43,7 +43,10 @@ struct Walk {
 };
 
 Walk walk(std::uint64_t seed) {
-  sim::UplinkScenario scenario;
+  sim::Route route{.speed = 1.5, .radius = 1};
+  const double corners[][2] = {{4, 4}, {36, 6}, {33, 35}, {5, 34}, {6, 6}, {34, 33}};
+  for (const auto& c : corners) REQUIRE(sim::add(route, {c[0], c[1], 1.5}));
+  sim::UplinkScenario scenario{.site = {.path = route}};
   sim::Site& site = scenario.site;
   Subnets<double, 3, kSubnets> map;
   std::vector<Uplink> uplinks;
@@ -65,10 +68,6 @@ Walk walk(std::uint64_t seed) {
     REQUIRE(fit);
     REQUIRE(map.add({static_cast<std::uint32_t>(k), 0, fit->a_T_b}));
   }
-  sim::Route route{.speed = 1.5, .radius = 1};
-  const double corners[][2] = {{4, 4}, {36, 6}, {33, 35}, {5, 34}, {6, 6}, {34, 33}};
-  for (const auto& c : corners) REQUIRE(sim::add(route, {c[0], c[1], 1.5}));
-  site.path = route;
   site.reach = 25;
   site.radio.loss = 0.02;
   site.seed = seed;
