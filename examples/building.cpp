@@ -38,12 +38,14 @@ Result<sim::Subnet> hang(int k) {
       {{0, 0, 4}, {1, 0, 1}, {1, 1, 4}, {0, 1, 1}, {0.5, 0, 4}, {0.5, 1, 0.5}}};
   Anchors<double, 3> anchors;
   const auto first = static_cast<std::uint32_t>(10 * (k + 1));
+  const int column = k % 2;
+  const int row = k / 2;
   for (std::uint32_t i = 0; i < kPlaces.size(); ++i) {
     const auto& [x, y, z] = kPlaces[i];
-    const auto added = anchors.add(first + i, {kSide * (x + k % 2), kSide * (y + k / 2), z});
+    const auto added = anchors.add(first + i, {kSide * (x + column), kSide * (y + row), z});
     if (!added) return std::unexpected(added.error());
   }
-  return sim::make_subnet(anchors, first, 50 * k * 3.14159265358979 / 180);
+  return sim::make_subnet(anchors, first, degrees_to_radians(50.0 * k));
 }
 
 // 1. What each subnet knows of itself: its anchors in its own frame.
@@ -129,7 +131,9 @@ int main() {
       }
       continue;
     }
-    const sim::Blink& blink = std::get<sim::Blink>(*event);
+    const auto* heard_blink = std::get_if<sim::Blink>(&*event);
+    if (heard_blink == nullptr) continue;
+    const sim::Blink& blink = *heard_blink;
     ++blinks;
     std::vector<SubnetFix<double, 3>> fixes;
     unsigned heard = 0;

@@ -256,7 +256,7 @@ SimulatedLogs write_tdoa_simulation(const SimulateSettings& settings) {
       }
       continue;
     }
-    const sim::Blink& blink = std::get<sim::Blink>(*event);
+    const auto& blink = std::get<sim::Blink>(*event);
     const double t = sim::to_seconds(blink.time);
     logs.seconds = t - sim::to_seconds(site.start);
     ++logs.exchanges;

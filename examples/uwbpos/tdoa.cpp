@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <set>
 #include <utility>
 
@@ -18,7 +19,7 @@ namespace {
 
 constexpr double kRounding = 1e-6;  // of times since 1970 printed in decimal [s]
 constexpr std::size_t kProgressStep = 64;
-constexpr double kArrivalsPerDifference = 1.4142135623730951;  // √2, of sigmas
+constexpr double kArrivalsPerDifference = std::numbers::sqrt2;  // of sigmas
 
 // Epochs and the place of each one's first difference in the log.
 using Placed = std::vector<std::pair<std::size_t, DifferenceEpoch>>;

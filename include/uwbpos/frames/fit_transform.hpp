@@ -76,7 +76,7 @@ template <class S, int D>
     Mat<S, 3> u = svd.matrixU();
     const Mat<S, 3> vt = transposed<S, 3, 3>(svd.matrixV());
     const S sign = signed_volume<S, 3>(u) * signed_volume<S, 3>(vt) < S(0) ? S(-1) : S(1);
-    const Vec<S, 3> s = svd.singularValues();
+    const Vec<S, 3>& s = svd.singularValues();
     if (!(s[1] + sign * s[2] > tolerance * s[0])) {
       return std::unexpected(Error::RotationUndetermined);
     }
