@@ -45,7 +45,8 @@ TEST_CASE_TEMPLATE("dilution times sigma is the root of the bound's trace", S, f
     const auto bound = cramer_rao_bound(ranges, at);
     REQUIRE(dop);
     REQUIRE(bound);
-    CHECK(dop->pdop * S(0.1) == doctest::Approx(std::sqrt(bound->trace())).epsilon(1e-3));
+    CHECK(dop->pdop * S(0.1) ==
+          doctest::Approx(static_cast<double>(std::sqrt(bound->trace()))).epsilon(1e-3));
   }
 }
 

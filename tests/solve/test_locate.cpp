@@ -206,8 +206,9 @@ TEST_CASE_TEMPLATE("locate: far from the origin it loses only what coordinates l
 
 TEST_CASE_TEMPLATE("locate: nonsense is answered by a finite fix or a name", S, float, double) {
   sim::Random random{"nonsense"};
-  const double specials[] = {0, 0, 1, -1, 1e-10, 1e10,         1e-30, 1e30, 3e38,     -3e38,
-                             5, 5, 2, 3,  1e5,   std::nan(""), 1e-3,  0.1,  INFINITY, -INFINITY};
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const double specials[] = {0, 0, 1, -1, 1e-10, 1e10,         1e-30, 1e30, 3e38,      -3e38,
+                             5, 5, 2, 3,  1e5,   std::nan(""), 1e-3,  0.1,  kInfinity, -kInfinity};
   const auto value = [&] {
     return S(random.chance(0.95) ? random.uniform(-10, 10) : specials[random.integer(0, 19)]);
   };

@@ -89,7 +89,10 @@ TEST_CASE("a float does not answer the mirror image of a corridor's tag") {
                               {{39.9962845f, 3.46306705f}, 75.4463501f, 0.0204361491f},
                               {{114.5672f, 0.231159925f}, 148.018234f, 0.020400241f}};
   std::vector<RangeTo<double, 2>> exact;
-  for (const R& r : ranges) exact.push_back({r.anchor.cast<double>(), r.range, r.sigma});
+  for (const R& r : ranges) {
+    exact.push_back(
+        {r.anchor.cast<double>(), static_cast<double>(r.range), static_cast<double>(r.sigma)});
+  }
   const auto expected = locate(exact);
   REQUIRE(expected);
   const auto fix = locate(ranges);
