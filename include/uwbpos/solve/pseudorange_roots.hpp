@@ -84,17 +84,12 @@ template <class S, int D, PseudorangeView<S, D> V>
     row[D] = -((r.range - origin.range) - mean_range);
     return std::pair{row, weight(r)};
   };
-  const auto interval = [](const Vec<S, D + 1>& x, const Vec<S, D + 1>& y) {
-    S sum = x[0] * y[0];
-    for (int k = 1; k < D; ++k) sum += x[k] * y[k];
-    return sum - x[D] * y[D];
-  };
 
   S lambda = S(0);
   S largest = S(0);
   for (std::size_t i = 0; i < n; ++i) {
     const auto [row, w] = centered(i);
-    lambda -= w * interval(row, row);
+    lambda -= w * space_time_product<S, D + 1>(row, row);
     largest = std::max(largest, squared_norm(row));
   }
   lambda /= total;
@@ -103,7 +98,7 @@ template <class S, int D, PseudorangeView<S, D> V>
   for (std::size_t i = 0; i < n; ++i) {
     const auto [row, w] = centered(i);
     add_outer(normal, row, w);
-    rhs += (w * (interval(row, row) + lambda) / 2) * row;
+    rhs += (w * (space_time_product<S, D + 1>(row, row) + lambda) / 2) * row;
   }
   const Result<WeakLine<S, D + 1>> line = weak_line<S, D + 1>(normal, rhs);
   if (!line) return std::unexpected(line.error());
@@ -115,9 +110,9 @@ template <class S, int D, PseudorangeView<S, D> V>
   roots.largest = std::max(std::sqrt(largest), norm(line->foot));
 
   // a τ² + 2 h τ + c = 0 of (1) on the line.
-  const S a = interval(line->direction, line->direction);
-  const S h = interval(line->foot, line->direction);
-  const S c = interval(line->foot, line->foot) - lambda;
+  const S a = space_time_product<S, D + 1>(line->direction, line->direction);
+  const S h = space_time_product<S, D + 1>(line->foot, line->direction);
+  const S c = space_time_product<S, D + 1>(line->foot, line->foot) - lambda;
   const auto keep = [&](S tau) {
     if (!std::isfinite(tau)) return;
     const Vec<S, D + 1> state = line->foot + tau * line->direction;

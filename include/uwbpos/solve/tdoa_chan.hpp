@@ -64,14 +64,9 @@ template <class S, int D>
 template <class S, int D>
 [[nodiscard]] Result<Vec<S, D + 1>> chan_root(const DifferenceView<S, D>& view,
                                               const WeakLine<S, D + 1>& line) {
-  const auto form = [](const Vec<S, D + 1>& x, const Vec<S, D + 1>& y) {
-    S sum = x[0] * y[0];
-    for (int k = 1; k < D; ++k) sum += x[k] * y[k];
-    return sum - x[D] * y[D];
-  };
-  const S a = form(line.direction, line.direction);
-  const S h = form(line.foot, line.direction);
-  const S c = form(line.foot, line.foot);
+  const S a = space_time_product<S, D + 1>(line.direction, line.direction);
+  const S h = space_time_product<S, D + 1>(line.foot, line.direction);
+  const S c = space_time_product<S, D + 1>(line.foot, line.foot);
   const S discriminant = h * h - a * c;
   const S sum = -(h + std::copysign(std::sqrt(std::max(discriminant, S(0))), h));
   const S taus[2] = {sum / a, c / sum};
@@ -134,8 +129,7 @@ template <DifferenceSet R>
     for (int iteration = 0; iteration < 3; ++iteration) {  // (2)
       Vec<S, D + 1> gradient = S(2) * theta;
       gradient[D] = -gradient[D];
-      S constraint = -theta[D] * theta[D];
-      for (int k = 0; k < D; ++k) constraint += theta[k] * theta[k];
+      const S constraint = space_time_product<S, D + 1>(theta, theta);
       const Vec<S, D + 1> gain = factor.solve(gradient);
       const Vec<S, D + 1> back = first - theta;
       theta = first - gain * ((constraint + dot(gradient, back)) / dot(gradient, gain));

@@ -15,6 +15,14 @@
 
 namespace uwbpos {
 
+/// xᵀ η y with η = diag(1, …, 1, −1): the form in which squared pseudoranges are linear. O(N).
+template <class S, int N>
+[[nodiscard]] S space_time_product(const Vec<S, N>& x, const Vec<S, N>& y) {
+  S sum = x[0] * y[0];
+  for (int k = 1; k < N - 1; ++k) sum += x[k] * y[k];
+  return sum - x[N - 1] * y[N - 1];
+}
+
 /// The line (1).
 template <class S, int N>
 struct WeakLine {
