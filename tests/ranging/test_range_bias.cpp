@@ -79,4 +79,22 @@ TEST_CASE_TEMPLATE("NaN and infinity are refused in table, power and range", S, 
   }
 }
 
+TEST_CASE_TEMPLATE("Steps and corrections too large for the scalar are refused", S, float, double) {
+  constexpr S kHuge = std::numeric_limits<S>::max();
+  auto points = kTable<S>;
+  points[0].power_dbm = -kHuge;
+  points[3].power_dbm = kHuge;
+  CHECK(RangeBias<S>::make(points));
+  points[1].power_dbm = kHuge / 2;
+  points[2].power_dbm = kHuge;
+  CHECK(RangeBias<S>::make(points).error() == Error::NotFinite);
+  points = kTable<S>;
+  points[1].bias = -kHuge;
+  points[2].bias = kHuge;
+  CHECK(RangeBias<S>::make(points).error() == Error::NotFinite);
+  const std::array<RangeBiasPoint<S>, 1> one{{{S(-80), -kHuge}}};
+  const auto extreme = RangeBias<S>::make(one).value();
+  CHECK(correct_range_bias<S>({kHuge, 1}, S(-80), extreme).error() == Error::NotFinite);
+}
+
 }  // namespace

@@ -30,16 +30,21 @@ struct RangeBiasPoint {
 template <class S>
 class RangeBias {
  public:
-  /// Errors: NotFinite (a point is NaN or infinite), InvalidTable (no points, or powers that do not
-  /// strictly increase). O(n).
+  /// Errors: NotFinite (a point is NaN or infinite, or the step to the next one overflows),
+  /// InvalidTable (no points, or powers that do not strictly increase). O(n).
   [[nodiscard]] static constexpr Result<RangeBias> make(std::span<const RangeBiasPoint<S>> points) {
     if (points.empty()) return std::unexpected(Error::InvalidTable);
     for (std::size_t i = 0; i < points.size(); ++i) {
       if (!std::isfinite(points[i].power_dbm) || !std::isfinite(points[i].bias)) {
         return std::unexpected(Error::NotFinite);
       }
-      if (i > 0 && !(points[i - 1].power_dbm < points[i].power_dbm)) {
+      if (i == 0) continue;
+      if (!(points[i - 1].power_dbm < points[i].power_dbm)) {
         return std::unexpected(Error::InvalidTable);
+      }
+      if (!std::isfinite(points[i].power_dbm - points[i - 1].power_dbm) ||
+          !std::isfinite(points[i].bias - points[i - 1].bias)) {
+        return std::unexpected(Error::NotFinite);
       }
     }
     return RangeBias{points};
@@ -70,7 +75,7 @@ class RangeBias {
   std::span<const RangeBiasPoint<S>> points_;
 };
 
-/// Equation (1); the variance stays. Error: NotFinite (range, variance or power).
+/// Equation (1); the variance stays. Error: NotFinite (range, variance, power or the difference).
 template <class S>
 [[nodiscard]] constexpr Result<Measured<S>> correct_range_bias(const Measured<S>& range,
                                                                S power_dbm,
@@ -80,7 +85,9 @@ template <class S>
   }
   const auto bias = table.at(power_dbm);
   if (!bias) return std::unexpected(bias.error());
-  return Measured<S>{range.value - *bias, range.variance};
+  const S corrected = range.value - *bias;
+  if (!std::isfinite(corrected)) return std::unexpected(Error::NotFinite);
+  return Measured<S>{corrected, range.variance};
 }
 
 }  // namespace uwbpos
