@@ -29,12 +29,18 @@ Vec<double, N> draw(sim::Random& random, const Mat<double, N>& p) {
 /// A covariance with standard deviations from `low` to `high` along random directions.
 template <class S, int N>
 Mat<S, N> random_covariance(sim::Random& random, double low, double high) {
-  Mat<double, N> p = Mat<double, N>::Identity() * (low * low);
+  Mat<double, N> p;
+  for (int i = 0; i < N * N; ++i) p(i) = i % (N + 1) == 0 ? low * low : 0;
   for (int k = 0; k < N; ++k) {
-    const Vec<double, N> v = random_direction<double, N>(random) * random.uniform(0, high);
-    p += v * v.transpose() / N;
+    const Vec<double, N> v = random_direction<double, N>(random);
+    const double length = random.uniform(0, high);
+    for (int j = 0; j < N; ++j) {
+      for (int i = 0; i < N; ++i) p(i, j) += v[i] * v[j] * length * length / N;
+    }
   }
-  return Mat<S, N>{((p + p.transpose()) / 2).template cast<S>()};
+  Mat<S, N> covariance;
+  for (int i = 0; i < N * N; ++i) covariance(i) = static_cast<S>(p(i));
+  return covariance;
 }
 
 /// Any rotation, a translation within ±50 m, and errors up to 0.1 m and 0.1 rad.

@@ -9,6 +9,7 @@
 #include "uwbpos/frames/joint_fix.hpp"
 
 #include "frames/scenes.hpp"
+#include "support/dense.hpp"
 #include "support/nees.hpp"
 #include "support/statistics.hpp"
 
@@ -39,30 +40,34 @@ template <int D, int Slots>
 JointFix<double, D> stacked(const std::vector<Sighting<double, D>>& sightings,
                             const TransformErrors<double, D, Slots>& errors) {
   constexpr int K = kTransformDof<D>;
-  const int n = static_cast<int>(sightings.size());
-  using Big = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 12, 12>;
-  Big omega{n * D, n * D};
-  Eigen::Matrix<double, Eigen::Dynamic, D, 0, 12, D> design{n * D, D};
-  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 12, 1> z{n * D};
-  for (int i = 0; i < n; ++i) {
-    const auto& a = sightings[static_cast<std::size_t>(i)];
-    design.template middleRows<D>(i * D).setIdentity();
-    z.template segment<D>(i * D) = a.position;
-    for (int j = 0; j < n; ++j) {
-      const auto& b = sightings[static_cast<std::size_t>(j)];
+  const std::size_t n = sightings.size();
+  test::Dense omega{n * D, n * D};
+  test::Dense design{n * D, D};
+  test::Dense z{n * D, 1};
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto& a = sightings[i];
+    design.put(i * D, 0, Mat<double, D>::Identity());
+    z.put(i * D, 0, a.position);
+    for (std::size_t j = 0; j < n; ++j) {
+      const auto& b = sightings[j];
       const Mat<double, K> p = errors.covariance.template block<K, K>(a.slot * K, b.slot * K);
-      Mat<double, D> block = a.jacobian * p * b.jacobian.transpose();
+      Mat<double, D> block = product(product(a.jacobian, p), transposed(b.jacobian));
       if (i == j) block += a.noise;
-      omega.template block<D, D>(i * D, j * D) = block;
+      omega.put(i * D, j * D, block);
     }
   }
-  const Big weight = omega.inverse();
+  const test::Dense weight = test::inverse(omega);
+  const test::Dense covariance = test::inverse(test::transposed(design) * weight * design);
+  const test::Dense position = covariance * (test::transposed(design) * (weight * z));
+  const test::Dense r = z - design * position;
   JointFix<double, D> fix{};
-  fix.covariance = (design.transpose() * weight * design).inverse();
-  fix.position = fix.covariance * (design.transpose() * (weight * z));
-  const Eigen::Matrix<double, Eigen::Dynamic, 1, 0, 12, 1> r = z - design * fix.position;
-  fix.chi_squared = r.dot(weight * r);
-  fix.degrees_of_freedom = (n - 1) * D;
+  for (int i = 0; i < D; ++i) {
+    const auto row = static_cast<std::size_t>(i);
+    fix.position[i] = position(row, 0);
+    for (int k = 0; k < D; ++k) fix.covariance(i, k) = covariance(row, static_cast<std::size_t>(k));
+  }
+  fix.chi_squared = (test::transposed(r) * (weight * r))(0, 0);
+  fix.degrees_of_freedom = (static_cast<int>(n) - 1) * D;
   return fix;
 }
 

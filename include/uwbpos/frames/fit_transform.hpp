@@ -85,22 +85,12 @@ template <class S, int D>
   }
 }
 
-/// The transform `a_T_b` from points known in both frames: any contiguous range of
-/// `SharedPoint<S, D>`, from D to `kMaxMeasurements` of them. Mirrored or mismatched points show
-/// in `rms`, `worst` and `chi_squared`, and are not refused (in space, points of one plane fit
-/// their mirror image as well as themselves). O(n·D²), no allocation. The SVD in space is Eigen's,
-/// whose last bits differ by processor.
-/// Errors: Error::TooFewMeasurements; Error::TooManyMeasurements; Error::NotFinite;
-/// Error::NonPositiveSigma; Error::InvalidOption; Error::NumericOverflow;
-/// Error::RotationUndetermined, points that coincide, lie in line (in space; in the plane a line
-/// will do), are too noisy for their extent, or a mirror image that no rotation comes nearest to.
-template <std::ranges::contiguous_range P,
-          class S = typename decltype(std::ranges::range_value_t<P>::in_a)::Scalar,
-          int D = decltype(std::ranges::range_value_t<P>::in_a)::RowsAtCompileTime>
-[[nodiscard]] Result<FittedTransform<S, D>> fit_transform(
-    const P& points, const FitTransformOptions<std::type_identity_t<S>>& options = {}) {
-  const std::span<const SharedPoint<S, D>> shared{std::ranges::data(points),
-                                                  std::ranges::size(points)};
+namespace detail {
+
+/// `fit_transform` for one scalar and dimension.
+template <class S, int D>
+Result<FittedTransform<S, D>> fit_transform(std::span<const SharedPoint<S, D>> shared,
+                                            const FitTransformOptions<S>& options) {
   const int count = static_cast<int>(shared.size());
   if (shared.size() < D) return std::unexpected(Error::TooFewMeasurements);
   if (shared.size() > kMaxMeasurements) return std::unexpected(Error::TooManyMeasurements);
@@ -181,6 +171,27 @@ template <std::ranges::contiguous_range P,
     return std::unexpected(Error::NumericOverflow);
   }
   return fit;
+}
+
+}  // namespace detail
+
+/// The transform `a_T_b` from points known in both frames: any contiguous range of
+/// `SharedPoint<S, D>`, from D to `kMaxMeasurements` of them. Mirrored or mismatched points show
+/// in `rms`, `worst` and `chi_squared`, and are not refused (in space, points of one plane fit
+/// their mirror image as well as themselves). O(n·D²), no allocation. The SVD in space is Eigen's,
+/// whose last bits differ by processor.
+/// Errors: Error::TooFewMeasurements; Error::TooManyMeasurements; Error::NotFinite;
+/// Error::NonPositiveSigma; Error::InvalidOption; Error::NumericOverflow;
+/// Error::RotationUndetermined, points that coincide, lie in line (in space; in the plane a line
+/// will do), are too noisy for their extent, or a mirror image that no rotation comes nearest to.
+template <std::ranges::contiguous_range P,
+          class S = typename decltype(std::ranges::range_value_t<P>::in_a)::Scalar,
+          int D = decltype(std::ranges::range_value_t<P>::in_a)::RowsAtCompileTime>
+[[nodiscard]] Result<FittedTransform<S, D>> fit_transform(
+    const P& points, const FitTransformOptions<std::type_identity_t<S>>& options = {}) {
+  return detail::fit_transform<S, D>(
+      std::span<const SharedPoint<S, D>>{std::ranges::data(points), std::ranges::size(points)},
+      options);
 }
 
 }  // namespace uwbpos

@@ -63,6 +63,28 @@ using DifferenceScalar = typename DifferenceTraitsOf<R>::Scalar;
 template <class R>
 inline constexpr int kDifferenceDimension = DifferenceTraitsOf<R>::kDimension;
 
+/// What the solvers are compiled for: one instantiation per scalar and dimension.
+template <class S, int D>
+using DifferenceSpan = std::span<const DifferenceTo<S, D>>;
+
+/// The same for differences between pairs.
+template <class S, int D>
+using PairSpan = std::span<const PairDifference<S, D>>;
+
+/// The one type that the solvers' insides take. O(1).
+template <DifferenceSet R>
+[[nodiscard]] constexpr auto as_difference_span(const R& differences) {
+  return DifferenceSpan<DifferenceScalar<R>, kDifferenceDimension<R>>{
+      std::ranges::data(differences), std::ranges::size(differences)};
+}
+
+/// The same for differences between pairs. O(1).
+template <PairDifferenceSet R>
+[[nodiscard]] constexpr auto as_pair_span(const R& differences) {
+  return PairSpan<DifferenceScalar<R>, kDifferenceDimension<R>>{std::ranges::data(differences),
+                                                                std::ranges::size(differences)};
+}
+
 /// How many standard deviations a difference may exceed its baseline by and still be noise.
 inline constexpr int kDifferenceSigmas = 5;
 
@@ -72,9 +94,9 @@ inline constexpr int kDifferenceSigmas = 5;
 /// Error::NotFinite; Error::NonPositiveSigma below `kSmallestSigma`; Error::ImpossibleDifference,
 /// |d| > |a − a₀| by more than five standard deviations of a difference, √2 σ.
 template <class S, int D>
-[[nodiscard]] std::optional<Error> check_differences(
-    const Vec<S, D>& reference, std::span<const DifferenceTo<S, D>> differences, S sigma,
-    int at_least) {
+[[nodiscard]] std::optional<Error> check_differences(const Vec<S, D>& reference,
+                                                     DifferenceSpan<S, D> differences, S sigma,
+                                                     int at_least) {
   if (differences.size() < static_cast<std::size_t>(at_least)) return Error::TooFewMeasurements;
   if (differences.size() > static_cast<std::size_t>(kMaxMeasurements)) {
     return Error::TooManyMeasurements;
@@ -92,8 +114,7 @@ template <class S, int D>
 
 /// The same for differences of pairs, each with its own sigma.
 template <class S, int D>
-[[nodiscard]] std::optional<Error> check_pairs(std::span<const PairDifference<S, D>> pairs,
-                                               int at_least) {
+[[nodiscard]] std::optional<Error> check_pairs(PairSpan<S, D> pairs, int at_least) {
   if (pairs.size() < static_cast<std::size_t>(at_least)) return Error::TooFewMeasurements;
   if (pairs.size() > static_cast<std::size_t>(kMaxMeasurements)) return Error::TooManyMeasurements;
   for (const PairDifference<S, D>& d : pairs) {

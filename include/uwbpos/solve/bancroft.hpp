@@ -16,16 +16,11 @@ struct BancroftSolution {
   BiasedPosition<S, D> second;  ///< the other root
 };
 
-/// The solutions that n ≥ D + 1 pseudoranges [m] allow. Exact on exact pseudoranges; weighted by
-/// their sigmas, unpolished. O(n·D²), no allocation.
-/// Errors: those of `check_range_values`; Error::DegenerateGeometry; Error::InconsistentRanges,
-/// none with positive ranges; Error::NumericOverflow.
-template <RangeSet R>
-[[nodiscard]] auto bancroft(const R& pseudoranges)
-    -> Result<BancroftSolution<RangeSetScalar<R>, kRangeSetDimension<R>>> {
-  using S = RangeSetScalar<R>;
-  constexpr int D = kRangeSetDimension<R>;
-  const RangeSpan<S, D> span = as_range_span(pseudoranges);
+namespace detail {
+
+/// `bancroft` for one scalar and dimension.
+template <class S, int D>
+Result<BancroftSolution<S, D>> bancroft(RangeSpan<S, D> span) {
   if (const auto error = check_range_values<S, D>(span, D + 1)) return std::unexpected(*error);
   const Result<PseudorangeRoots<S, D>> roots = pseudorange_roots<S, D>(span);
   if (!roots) return std::unexpected(roots.error());
@@ -42,6 +37,18 @@ template <RangeSet R>
   BancroftSolution<S, D> both{roots->at(0), roots->at(roots->count - 1)};
   if (misfit(both.second) < misfit(both.first)) std::swap(both.first, both.second);
   return both;
+}
+
+}  // namespace detail
+
+/// The solutions that n ≥ D + 1 pseudoranges [m] allow. Exact on exact pseudoranges; weighted by
+/// their sigmas, unpolished. O(n·D²), no allocation.
+/// Errors: those of `check_range_values`; Error::DegenerateGeometry; Error::InconsistentRanges,
+/// none with positive ranges; Error::NumericOverflow.
+template <RangeSet R>
+[[nodiscard]] auto bancroft(const R& pseudoranges)
+    -> Result<BancroftSolution<RangeSetScalar<R>, kRangeSetDimension<R>>> {
+  return detail::bancroft<RangeSetScalar<R>, kRangeSetDimension<R>>(as_range_span(pseudoranges));
 }
 
 }  // namespace uwbpos

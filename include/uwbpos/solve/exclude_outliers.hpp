@@ -10,6 +10,7 @@
 /// Axelrad (Navigation 35(2), 1988). What remains keeps a degree of freedom, or nothing would have
 /// been tested.
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -46,26 +47,16 @@ template <class R>
 inline constexpr int kMeasurementDimension =
     decltype(locate(std::declval<const R&>())->position)::RowsAtCompileTime;
 
-/// Position [m] from ranges or differences of pairs, outliers left out. `locate` over up to
-/// 1 + `max_excluded` · n subsets; no allocation, a copy of the measurements on the stack.
-/// Errors: those of `locate` for the whole set where no subset does better; Error::InvalidOption,
-/// a negative `max_excluded` or a quantile that is not finite.
-template <class R>
-  requires RangeSet<R> || PairDifferenceSet<R>
-[[nodiscard]] auto locate_excluding(
-    const R& measurements,
-    const std::type_identity_t<LocateOptions<MeasurementScalar<R>, kMeasurementDimension<R>>>&
-        options = {},
-    const std::type_identity_t<ExclusionOptions<MeasurementScalar<R>>>& exclusion = {})
-    -> Result<ExclusionFix<MeasurementScalar<R>, kMeasurementDimension<R>>> {
-  using S = MeasurementScalar<R>;
-  constexpr int D = kMeasurementDimension<R>;
-  using Measurement = std::remove_cv_t<std::ranges::range_value_t<R>>;
+namespace detail {
+
+/// `locate_excluding` for one kind of measurement.
+template <class Measurement, class S, int D>
+Result<ExclusionFix<S, D>> locate_excluding(std::span<const Measurement> all,
+                                            const LocateOptions<S, D>& options,
+                                            const ExclusionOptions<S>& exclusion) {
   if (exclusion.max_excluded < 0 || !std::isfinite(exclusion.normal_quantile)) {
     return std::unexpected(Error::InvalidOption);
   }
-  const std::span<const Measurement> all{std::ranges::data(measurements),
-                                         std::ranges::size(measurements)};
   const auto passes = [&](const Fix<S, D>& fix) {
     const S freedom = static_cast<S>(fix.degrees_of_freedom);
     if (!(freedom > S(0))) return true;
@@ -77,8 +68,9 @@ template <class R>
   Result<Fix<S, D>> fix = locate(all, options);
   std::uint64_t excluded = 0;
   int count = 0;
+  const int most = std::min(exclusion.max_excluded, static_cast<int>(all.size()) - D - 1);
   while (all.size() <= static_cast<std::size_t>(kMaxMeasurements) && (!fix || !passes(*fix)) &&
-         count<exclusion.max_excluded&& static_cast<int>(all.size()) - count - 1> D) {
+         count < most) {
     Result<Fix<S, D>> best = fix;
     S lowest = fix ? fix->chi_squared : std::numeric_limits<S>::infinity();
     std::uint64_t dropped = 0;
@@ -105,6 +97,27 @@ template <class R>
   }
   if (!fix) return std::unexpected(fix.error());
   return ExclusionFix<S, D>{*fix, excluded, count, passes(*fix)};
+}
+
+}  // namespace detail
+
+/// Position [m] from ranges or differences of pairs, outliers left out. `locate` over up to
+/// 1 + `max_excluded` · n subsets; no allocation, a copy of the measurements on the stack.
+/// Errors: those of `locate` for the whole set where no subset does better; Error::InvalidOption,
+/// a negative `max_excluded` or a quantile that is not finite.
+template <class R>
+  requires RangeSet<R> || PairDifferenceSet<R>
+[[nodiscard]] auto locate_excluding(
+    const R& measurements,
+    const std::type_identity_t<LocateOptions<MeasurementScalar<R>, kMeasurementDimension<R>>>&
+        options = {},
+    const std::type_identity_t<ExclusionOptions<MeasurementScalar<R>>>& exclusion = {})
+    -> Result<ExclusionFix<MeasurementScalar<R>, kMeasurementDimension<R>>> {
+  using Measurement = std::remove_cv_t<std::ranges::range_value_t<R>>;
+  const std::span<const Measurement> all{std::ranges::data(measurements),
+                                         std::ranges::size(measurements)};
+  return detail::locate_excluding<Measurement, MeasurementScalar<R>, kMeasurementDimension<R>>(
+      all, options, exclusion);
 }
 
 }  // namespace uwbpos

@@ -15,10 +15,6 @@
 
 namespace uwbpos {
 
-/// What the solvers of pairs are compiled for.
-template <class S, int D>
-using PairSpan = std::span<const PairDifference<S, D>>;
-
 /// The anchors of the largest set of pairs that hang together, as pseudoranges.
 template <class S, int D>
 struct PairPotentials {

@@ -94,22 +94,11 @@ template <class S, int D>
   return best;
 }
 
-/// Position [m] from n ≥ D + 1 differences |p − aᵢ| − |p − reference| [m] of arrivals with standard
-/// deviation `sigma` [m], to anchors that span the space, in closed form. Reaches the bound inside
-/// the anchors' hull while noise is small; at a wall its error can be many times the bound, where
-/// `locate` is right. Where all differences are equal stage 1 is singular, and g = 0 on the line
-/// that it leaves answers instead. O(n·D²), no allocation. Errors: those of `check_differences`;
-/// Error::DegenerateGeometry; Error::AmbiguousSolution, equal differences and two positions;
-/// Error::InconsistentRanges; Error::NumericOverflow.
-template <DifferenceSet R>
-[[nodiscard]] auto tdoa_chan(
-    const std::type_identity_t<Vec<DifferenceScalar<R>, kDifferenceDimension<R>>>& reference,
-    const R& differences, std::type_identity_t<DifferenceScalar<R>> sigma)
-    -> Result<Fix<DifferenceScalar<R>, kDifferenceDimension<R>>> {
-  using S = DifferenceScalar<R>;
-  constexpr int D = kDifferenceDimension<R>;
-  const std::span<const DifferenceTo<S, D>> span{std::ranges::data(differences),
-                                                 std::ranges::size(differences)};
+namespace detail {
+
+/// `tdoa_chan` for one scalar and dimension.
+template <class S, int D>
+Result<Fix<S, D>> tdoa_chan(const Vec<S, D>& reference, DifferenceSpan<S, D> span, S sigma) {
   if (const auto error = check_differences<S, D>(reference, span, sigma, D + 1)) {
     return std::unexpected(*error);
   }
@@ -156,6 +145,24 @@ template <DifferenceSet R>
     return std::unexpected(Error::NumericOverflow);
   }
   return fix;
+}
+
+}  // namespace detail
+
+/// Position [m] from n ≥ D + 1 differences |p − aᵢ| − |p − reference| [m] of arrivals with standard
+/// deviation `sigma` [m], to anchors that span the space, in closed form. Reaches the bound inside
+/// the anchors' hull while noise is small; at a wall its error can be many times the bound, where
+/// `locate` is right. Where all differences are equal stage 1 is singular, and g = 0 on the line
+/// that it leaves answers instead. O(n·D²), no allocation. Errors: those of `check_differences`;
+/// Error::DegenerateGeometry; Error::AmbiguousSolution, equal differences and two positions;
+/// Error::InconsistentRanges; Error::NumericOverflow.
+template <DifferenceSet R>
+[[nodiscard]] auto tdoa_chan(
+    const std::type_identity_t<Vec<DifferenceScalar<R>, kDifferenceDimension<R>>>& reference,
+    const R& differences, std::type_identity_t<DifferenceScalar<R>> sigma)
+    -> Result<Fix<DifferenceScalar<R>, kDifferenceDimension<R>>> {
+  return detail::tdoa_chan<DifferenceScalar<R>, kDifferenceDimension<R>>(
+      reference, as_difference_span(differences), sigma);
 }
 
 }  // namespace uwbpos

@@ -10,20 +10,11 @@
 
 namespace uwbpos {
 
-/// The two positions [m] that exactly D differences |p − aᵢ| − |p − reference| [m] allow, equal
-/// where there is one. Exact on exact differences. O(D³), no allocation.
-/// Errors: Error::TooFewMeasurements, Error::TooManyMeasurements, other than D differences;
-/// Error::NotFinite; Error::ImpossibleDifference, a difference beyond its baseline by more than
-/// a thousandth of it; Error::DegenerateGeometry, anchors that do not determine a line;
-/// Error::InconsistentRanges, no position with positive ranges; Error::NumericOverflow.
-template <DifferenceSet R>
-[[nodiscard]] auto tdoa_fang(
-    const std::type_identity_t<Vec<DifferenceScalar<R>, kDifferenceDimension<R>>>& reference,
-    const R& differences) -> Result<Mirror<DifferenceScalar<R>, kDifferenceDimension<R>>> {
-  using S = DifferenceScalar<R>;
-  constexpr int D = kDifferenceDimension<R>;
-  const std::span<const DifferenceTo<S, D>> span{std::ranges::data(differences),
-                                                 std::ranges::size(differences)};
+namespace detail {
+
+/// `tdoa_fang` for one scalar and dimension.
+template <class S, int D>
+Result<Mirror<S, D>> tdoa_fang(const Vec<S, D>& reference, DifferenceSpan<S, D> span) {
   if (span.size() > static_cast<std::size_t>(D)) return std::unexpected(Error::TooManyMeasurements);
   // Fang's differences have no sigma: a ten-thousandth of the longest baseline stands for it.
   S longest = S(0);
@@ -40,6 +31,22 @@ template <DifferenceSet R>
   if (!roots) return std::unexpected(roots.error());
   if (roots->count == 0) return std::unexpected(Error::InconsistentRanges);
   return Mirror<S, D>{roots->at(0).position, roots->at(roots->count - 1).position};
+}
+
+}  // namespace detail
+
+/// The two positions [m] that exactly D differences |p − aᵢ| − |p − reference| [m] allow, equal
+/// where there is one. Exact on exact differences. O(D³), no allocation.
+/// Errors: Error::TooFewMeasurements, Error::TooManyMeasurements, other than D differences;
+/// Error::NotFinite; Error::ImpossibleDifference, a difference beyond its baseline by more than
+/// a thousandth of it; Error::DegenerateGeometry, anchors that do not determine a line;
+/// Error::InconsistentRanges, no position with positive ranges; Error::NumericOverflow.
+template <DifferenceSet R>
+[[nodiscard]] auto tdoa_fang(
+    const std::type_identity_t<Vec<DifferenceScalar<R>, kDifferenceDimension<R>>>& reference,
+    const R& differences) -> Result<Mirror<DifferenceScalar<R>, kDifferenceDimension<R>>> {
+  return detail::tdoa_fang<DifferenceScalar<R>, kDifferenceDimension<R>>(
+      reference, as_difference_span(differences));
 }
 
 }  // namespace uwbpos

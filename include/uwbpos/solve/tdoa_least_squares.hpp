@@ -24,6 +24,24 @@ template <class S, int D>
   return fix;
 }
 
+namespace detail {
+
+/// `tdoa_least_squares` for one scalar and dimension.
+template <class S, int D>
+Result<Fix<S, D>> tdoa_least_squares(const Vec<S, D>& reference, DifferenceSpan<S, D> span, S sigma,
+                                     const LocateOptions<S, D>& options) {
+  if (const auto error = check_differences<S, D>(reference, span, sigma, D)) {
+    return std::unexpected(*error);
+  }
+  if (const auto error = check_options(options)) return std::unexpected(*error);
+  const DifferenceView<S, D> view{reference, span, sigma};
+  const Result<BiasedFix<S, D>> biased = solve_pseudoranges<S, D>(view, options);
+  if (!biased) return std::unexpected(biased.error());
+  return position_of(*biased);
+}
+
+}  // namespace detail
+
 /// Position [m] from n ≥ D differences |p − aᵢ| − |p − reference| [m], each of two arrivals of
 /// standard deviation `sigma` [m], in the anchors' frame, with its covariance, at the Cramér-Rao
 /// bound. Where all differences are equal it is as good as elsewhere. Two positions that explain
@@ -37,18 +55,8 @@ template <DifferenceSet R>
     const R& differences, std::type_identity_t<DifferenceScalar<R>> sigma,
     const std::type_identity_t<LocateOptions<DifferenceScalar<R>, kDifferenceDimension<R>>>&
         options = {}) -> Result<Fix<DifferenceScalar<R>, kDifferenceDimension<R>>> {
-  using S = DifferenceScalar<R>;
-  constexpr int D = kDifferenceDimension<R>;
-  const std::span<const DifferenceTo<S, D>> span{std::ranges::data(differences),
-                                                 std::ranges::size(differences)};
-  if (const auto error = check_differences<S, D>(reference, span, sigma, D)) {
-    return std::unexpected(*error);
-  }
-  if (const auto error = check_options(options)) return std::unexpected(*error);
-  const DifferenceView<S, D> view{reference, span, sigma};
-  const Result<BiasedFix<S, D>> biased = solve_pseudoranges<S, D>(view, options);
-  if (!biased) return std::unexpected(biased.error());
-  return position_of(*biased);
+  return detail::tdoa_least_squares<DifferenceScalar<R>, kDifferenceDimension<R>>(
+      reference, as_difference_span(differences), sigma, options);
 }
 
 }  // namespace uwbpos

@@ -43,20 +43,11 @@ template <class S, int D>
   return normal;
 }
 
-/// Position [m] from n ≥ D differences between pairs of anchors, each with its own sigma and
-/// independent noise, with its covariance. Two positions that explain them are settled by
-/// `options`. O(n² + n·D²) and at most 5^D + 3 descents; no allocation, about 6 kB of stack in
-/// double. Errors: those of `check_pairs`; Error::NotFinite in an option;
-/// Error::TooManyMeasurements, more than 64 anchors; Error::DegenerateGeometry;
-/// Error::AmbiguousSolution; Error::NotConverged; Error::NumericOverflow.
-template <PairDifferenceSet R>
-[[nodiscard]] auto tdoa_least_squares(
-    const R& differences,
-    const std::type_identity_t<LocateOptions<DifferenceScalar<R>, kDifferenceDimension<R>>>&
-        options = {}) -> Result<Fix<DifferenceScalar<R>, kDifferenceDimension<R>>> {
-  using S = DifferenceScalar<R>;
-  constexpr int D = kDifferenceDimension<R>;
-  const PairSpan<S, D> pairs{std::ranges::data(differences), std::ranges::size(differences)};
+namespace detail {
+
+/// `tdoa_least_squares` for one scalar and dimension.
+template <class S, int D>
+Result<Fix<S, D>> tdoa_least_squares(PairSpan<S, D> pairs, const LocateOptions<S, D>& options) {
   if (const auto error = check_pairs<S, D>(pairs, D)) return std::unexpected(*error);
   if (const auto error = check_options(options)) return std::unexpected(*error);
   const Result<PairPotentials<S, D>> potentials = pair_potentials<S, D>(pairs);
@@ -137,6 +128,23 @@ template <PairDifferenceSet R>
     return std::unexpected(Error::NumericOverflow);
   }
   return fix;
+}
+
+}  // namespace detail
+
+/// Position [m] from n ≥ D differences between pairs of anchors, each with its own sigma and
+/// independent noise, with its covariance. Two positions that explain them are settled by
+/// `options`. O(n² + n·D²) and at most 5^D + 3 descents; no allocation, about 6 kB of stack in
+/// double. Errors: those of `check_pairs`; Error::NotFinite in an option;
+/// Error::TooManyMeasurements, more than 64 anchors; Error::DegenerateGeometry;
+/// Error::AmbiguousSolution; Error::NotConverged; Error::NumericOverflow.
+template <PairDifferenceSet R>
+[[nodiscard]] auto tdoa_least_squares(
+    const R& differences,
+    const std::type_identity_t<LocateOptions<DifferenceScalar<R>, kDifferenceDimension<R>>>&
+        options = {}) -> Result<Fix<DifferenceScalar<R>, kDifferenceDimension<R>>> {
+  return detail::tdoa_least_squares<DifferenceScalar<R>, kDifferenceDimension<R>>(
+      as_pair_span(differences), options);
 }
 
 }  // namespace uwbpos

@@ -15,16 +15,11 @@
 
 namespace uwbpos {
 
-/// Position [m] from n ≥ D + 1 ranges to anchors that span the space, in the anchors' frame.
-/// Reaches the bound while noise is small beside the distances. O(n·D²), no allocation.
-/// Errors: those of `check_ranges`; Error::DegenerateGeometry when the anchors do not span;
-/// Error::NumericOverflow.
-template <RangeSet R>
-[[nodiscard]] auto toa_chan(const R& ranges)
-    -> Result<Fix<RangeSetScalar<R>, kRangeSetDimension<R>>> {
-  using S = RangeSetScalar<R>;
-  constexpr int D = kRangeSetDimension<R>;
-  const RangeSpan<S, D> span = as_range_span(ranges);
+namespace detail {
+
+/// `toa_chan` for one scalar and dimension.
+template <class S, int D>
+Result<Fix<S, D>> toa_chan(RangeSpan<S, D> span) {
   if (const auto error = check_ranges<S, D>(span, D + 1)) return std::unexpected(*error);
 
   const SquaredRanges<S, D> system = squared_ranges<S, D>(span);
@@ -40,6 +35,18 @@ template <RangeSet R>
   add_outer(information, s, S(4) * system.total_weight);
   return make_fix<S, D>(span, system.center + s + gain * (innovation / innovation_variance),
                         information);
+}
+
+}  // namespace detail
+
+/// Position [m] from n ≥ D + 1 ranges to anchors that span the space, in the anchors' frame.
+/// Reaches the bound while noise is small beside the distances. O(n·D²), no allocation.
+/// Errors: those of `check_ranges`; Error::DegenerateGeometry when the anchors do not span;
+/// Error::NumericOverflow.
+template <RangeSet R>
+[[nodiscard]] auto toa_chan(const R& ranges)
+    -> Result<Fix<RangeSetScalar<R>, kRangeSetDimension<R>>> {
+  return detail::toa_chan<RangeSetScalar<R>, kRangeSetDimension<R>>(as_range_span(ranges));
 }
 
 }  // namespace uwbpos

@@ -10,18 +10,11 @@
 
 namespace uwbpos {
 
-/// The two positions [m] that n ≥ D ranges allow, equal when there is one answer: the redundancy
-/// rules one out, or the tag lies in the anchors' plane (a root below zero by no more than five
-/// sigma is the plane itself). `first` fits no worse than `second`. O(n·D²), no allocation.
-/// Errors: those of `check_ranges`; Error::DegenerateGeometry, anchors that span fewer than D − 1
-/// dimensions; Error::InconsistentRanges, the circles or spheres miss one another beyond noise;
-/// Error::NumericOverflow.
-template <RangeSet R>
-[[nodiscard]] auto toa_closed_form(const R& ranges)
-    -> Result<Mirror<RangeSetScalar<R>, kRangeSetDimension<R>>> {
-  using S = RangeSetScalar<R>;
-  constexpr int D = kRangeSetDimension<R>;
-  const RangeSpan<S, D> span = as_range_span(ranges);
+namespace detail {
+
+/// `toa_closed_form` for one scalar and dimension.
+template <class S, int D>
+Result<Mirror<S, D>> toa_closed_form(RangeSpan<S, D> span) {
   if (const auto error = check_ranges<S, D>(span, D)) return std::unexpected(*error);
   const Result<ToaRoots<S, D>> roots = toa_roots<S, D>(span);
   if (!roots) return std::unexpected(roots.error());
@@ -57,6 +50,20 @@ template <RangeSet R>
     return std::unexpected(Error::NumericOverflow);
   }
   return images;
+}
+
+}  // namespace detail
+
+/// The two positions [m] that n ≥ D ranges allow, equal when there is one answer: the redundancy
+/// rules one out, or the tag lies in the anchors' plane (a root below zero by no more than five
+/// sigma is the plane itself). `first` fits no worse than `second`. O(n·D²), no allocation.
+/// Errors: those of `check_ranges`; Error::DegenerateGeometry, anchors that span fewer than D − 1
+/// dimensions; Error::InconsistentRanges, the circles or spheres miss one another beyond noise;
+/// Error::NumericOverflow.
+template <RangeSet R>
+[[nodiscard]] auto toa_closed_form(const R& ranges)
+    -> Result<Mirror<RangeSetScalar<R>, kRangeSetDimension<R>>> {
+  return detail::toa_closed_form<RangeSetScalar<R>, kRangeSetDimension<R>>(as_range_span(ranges));
 }
 
 /// (000-16): anchors at (0, 0), (x2, 0) and (0, y3) at ranges d1, d2, d3 [m], in the plane:

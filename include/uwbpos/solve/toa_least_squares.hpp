@@ -77,20 +77,12 @@ template <class S, int D>
   return minimise<S, D>(evaluate, start, rounding, max_iterations);
 }
 
-/// Position [m] from n ≥ D ranges, in the anchors' frame, at the minimum of χ² whose basin holds
-/// the start: `options.initial`, or the closed form's likelier root. Where mirror images may
-/// confuse, and for flat anchors, call `locate`. O(n·D²) an iteration, no allocation.
-/// Errors: those of `check_ranges`; Error::NotFinite, Error::InvalidOption for the options;
-/// Error::DegenerateGeometry; Error::AmbiguousSolution, flat anchors and no initial position;
-/// Error::NotConverged; Error::NumericOverflow.
-template <RangeSet R>
-[[nodiscard]] auto toa_least_squares(
-    const R& ranges,
-    const std::type_identity_t<LeastSquaresOptions<RangeSetScalar<R>, kRangeSetDimension<R>>>&
-        options = {}) -> Result<Fix<RangeSetScalar<R>, kRangeSetDimension<R>>> {
-  using S = RangeSetScalar<R>;
-  constexpr int D = kRangeSetDimension<R>;
-  const RangeSpan<S, D> span = as_range_span(ranges);
+namespace detail {
+
+/// `toa_least_squares` for one scalar and dimension.
+template <class S, int D>
+Result<Fix<S, D>> toa_least_squares(RangeSpan<S, D> span,
+                                    const LeastSquaresOptions<S, D>& options) {
   if (const auto error = check_ranges<S, D>(span, D)) return std::unexpected(*error);
   if (options.max_iterations < 1) return std::unexpected(Error::InvalidOption);
 
@@ -115,6 +107,23 @@ template <RangeSet R>
       descend<S, D>(span, center, start, largest, options.max_iterations);
   if (!minimum) return std::unexpected(minimum.error());
   return make_fix<S, D>(span, center + minimum->state, minimum->information);
+}
+
+}  // namespace detail
+
+/// Position [m] from n ≥ D ranges, in the anchors' frame, at the minimum of χ² whose basin holds
+/// the start: `options.initial`, or the closed form's likelier root. Where mirror images may
+/// confuse, and for flat anchors, call `locate`. O(n·D²) an iteration, no allocation.
+/// Errors: those of `check_ranges`; Error::NotFinite, Error::InvalidOption for the options;
+/// Error::DegenerateGeometry; Error::AmbiguousSolution, flat anchors and no initial position;
+/// Error::NotConverged; Error::NumericOverflow.
+template <RangeSet R>
+[[nodiscard]] auto toa_least_squares(
+    const R& ranges,
+    const std::type_identity_t<LeastSquaresOptions<RangeSetScalar<R>, kRangeSetDimension<R>>>&
+        options = {}) -> Result<Fix<RangeSetScalar<R>, kRangeSetDimension<R>>> {
+  return detail::toa_least_squares<RangeSetScalar<R>, kRangeSetDimension<R>>(as_range_span(ranges),
+                                                                             options);
 }
 
 }  // namespace uwbpos

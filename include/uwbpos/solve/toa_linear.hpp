@@ -11,16 +11,11 @@
 
 namespace uwbpos {
 
-/// Position [m] from n ≥ D + 1 ranges to anchors that span the space, in the anchors' frame.
-/// Covariance to first order. O(n·D²), no allocation.
-/// Errors: those of `check_ranges`; Error::DegenerateGeometry when the anchors do not span;
-/// Error::NumericOverflow.
-template <RangeSet R>
-[[nodiscard]] auto toa_linear(const R& ranges)
-    -> Result<Fix<RangeSetScalar<R>, kRangeSetDimension<R>>> {
-  using S = RangeSetScalar<R>;
-  constexpr int D = kRangeSetDimension<R>;
-  const RangeSpan<S, D> span = as_range_span(ranges);
+namespace detail {
+
+/// `toa_linear` for one scalar and dimension.
+template <class S, int D>
+Result<Fix<S, D>> toa_linear(RangeSpan<S, D> span) {
   if (const auto error = check_ranges<S, D>(span, D + 1)) return std::unexpected(*error);
 
   const SquaredRanges<S, D> system = squared_ranges<S, D>(span);
@@ -29,6 +24,18 @@ template <RangeSet R>
   const Vec<S, D> s = normal.solve(system.rhs);
 
   return make_fix<S, D>(span, system.center + s, system.normal * S(4));
+}
+
+}  // namespace detail
+
+/// Position [m] from n ≥ D + 1 ranges to anchors that span the space, in the anchors' frame.
+/// Covariance to first order. O(n·D²), no allocation.
+/// Errors: those of `check_ranges`; Error::DegenerateGeometry when the anchors do not span;
+/// Error::NumericOverflow.
+template <RangeSet R>
+[[nodiscard]] auto toa_linear(const R& ranges)
+    -> Result<Fix<RangeSetScalar<R>, kRangeSetDimension<R>>> {
+  return detail::toa_linear<RangeSetScalar<R>, kRangeSetDimension<R>>(as_range_span(ranges));
 }
 
 }  // namespace uwbpos
