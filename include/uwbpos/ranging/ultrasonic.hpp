@@ -54,7 +54,9 @@ template <class S>
   if (!std::isfinite(speed)) return std::unexpected(Error::NotFinite);
   const S ratio = speed / kSpeedOfSoundAtZero<S>;
   const S temperature = kZeroCelsius<S> * (ratio - S(1)) * (ratio + S(1));
-  if (!(speed > S(0)) || temperature < kColdestAir<S> || temperature > kHottestAir<S>) {
+  constexpr S kRounding = S(1e-3);
+  if (!(speed > S(0)) || temperature < kColdestAir<S> - kRounding ||
+      temperature > kHottestAir<S> + kRounding) {
     return std::unexpected(Error::TemperatureOutOfRange);
   }
   return temperature;
@@ -63,12 +65,12 @@ template <class S>
 /// The counter, and how good times and temperatures are.
 template <class S>
 struct UltrasonicOptions {
-  S temperature = S(24);          ///< of the air [°C]
-  S tick = S(1.0 / 3.0e6);        ///< t_c, one count [s]
-  S circuit_delay = S(0);         ///< d, of trigger and comparator together [s]
-  S sigma_time = S(0);            ///< of one arrival, without the counter's rounding [s]
-  S sigma_temperature = S(0);     ///< [K]
-  S max_length = S(30);           ///< longer lengths are refused [m]
+  S temperature = S(24);       ///< of the air [°C]
+  S tick = S(1.0 / 3.0e6);     ///< t_c, one count [s]
+  S circuit_delay = S(0);      ///< d, of trigger and comparator together [s]
+  S sigma_time = S(0);         ///< of one arrival, without the counter's rounding [s]
+  S sigma_temperature = S(0);  ///< [K]
+  S max_length = S(30);        ///< longer lengths are refused [m]
 };
 
 /// Length [m] of `count` ticks of flight by (2), and its variance [m²] by (3). O(1), no allocation.

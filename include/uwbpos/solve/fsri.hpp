@@ -115,9 +115,14 @@ template <ReceiverSet R, std::ranges::contiguous_range L>
   const auto found =
       detail::solve_shot<S, D>(as_receiver_span(receivers), as_length_span<S>(lengths), options);
   if (!found) return std::unexpected(found.error());
-  FsriShot<S, kCount, D> shot{found->position,    found->lag,      {},
-                              found->ambiguous,   found->residual, found->covariance,
-                              found->chi_squared, found->degrees_of_freedom,
+  FsriShot<S, kCount, D> shot{found->position,
+                              found->lag,
+                              {},
+                              found->ambiguous,
+                              found->residual,
+                              found->covariance,
+                              found->chi_squared,
+                              found->degrees_of_freedom,
                               found->alternative};
   for (std::size_t i = 0; i < kCount; ++i) shot.repair[i] = found->repair[i];
   return shot;

@@ -21,14 +21,14 @@ inline constexpr std::size_t kMaxFsriReceivers = 16;
 /// What a shot is solved with.
 template <class S, int D = 2>
 struct FsriOptions {
-  S wavelength = S(0.0086426);                 ///< λ, of 40 kHz at 24 °C [m]
-  std::optional<S> max_lag = std::nullopt;     ///< the lag lies in [0, this] [m]; 5 λ unless given
-  int max_repair = 2;                          ///< most waves to add to a length or take off, 0 … 8
-  std::optional<S> sigma = std::nullopt;       ///< of one length [m]; λ/100 unless given
-  Vec<S, D> side = Vec<S, D>::Zero();          ///< where the emitter is from receivers in line, in a
-                                               ///< plane; zero: as `ReceiverArray` says
+  S wavelength = S(0.0086426);              ///< λ, of 40 kHz at 24 °C [m]
+  std::optional<S> max_lag = std::nullopt;  ///< the lag lies in [0, this] [m]; 5 λ unless given
+  int max_repair = 2;                       ///< most waves to add to a length or take off, 0 … 8
+  std::optional<S> sigma = std::nullopt;    ///< of one length [m]; λ/100 unless given
+  Vec<S, D> side = Vec<S, D>::Zero();       ///< where the emitter is from receivers in line, in a
+                                            ///< plane; zero: as `ReceiverArray` says
   std::optional<Vec<S, D>> prior = std::nullopt;  ///< about where the emitter is [m]
-  S prior_sigma = S(0.06);                     ///< how far from there, along each axis [m]
+  S prior_sigma = S(0.06);                        ///< how far from there, along each axis [m]
 };
 
 /// One shot solved.
@@ -47,11 +47,10 @@ struct FsriShot {
 
 /// A contiguous, sized range of `Vec<S, D>`, D = 2 or 3: the receivers of a shot [m].
 template <class R>
-concept ReceiverSet =
-    std::ranges::contiguous_range<R> && std::ranges::sized_range<R> &&
-    std::ranges::range_value_t<R>::ColsAtCompileTime == 1 &&
-    (std::ranges::range_value_t<R>::RowsAtCompileTime == 2 ||
-     std::ranges::range_value_t<R>::RowsAtCompileTime == 3);
+concept ReceiverSet = std::ranges::contiguous_range<R> && std::ranges::sized_range<R> &&
+                      std::ranges::range_value_t<R>::ColsAtCompileTime == 1 &&
+                      (std::ranges::range_value_t<R>::RowsAtCompileTime == 2 ||
+                       std::ranges::range_value_t<R>::RowsAtCompileTime == 3);
 
 /// The scalar of a set of receivers.
 template <ReceiverSet R>
@@ -91,8 +90,8 @@ using FsriOptionsOf = FsriOptions<ReceiverScalar<R>, kReceiverDimension<R>>;
 template <class S>
 inline constexpr S kWaveCost = S(3);
 
-/// Explanations whose odds against the best are below e^(5/2) = 12 : 1 make it ambiguous; in units of
-/// χ².
+/// Explanations whose odds against the best are below e^(5/2) = 12 : 1 make it ambiguous; in units
+/// of χ².
 template <class S>
 inline constexpr S kDoubtfulCost = S(5);
 

@@ -23,8 +23,8 @@ template <class S, int D>
 /// `roots.mean_pseudorange`. O(n·D²) an iteration, no allocation. Error::NotConverged.
 template <class S, int D, PseudorangeView<S, D> V>
 [[nodiscard]] Result<Minimum<S, D + 1>> pseudorange_minimum(const V& view,
-                                                        const PseudorangeRoots<S, D>& roots,
-                                                        int i) {
+                                                            const PseudorangeRoots<S, D>& roots,
+                                                            int i) {
   constexpr int kIterations = 100;
   const int freedom = static_cast<int>(view.size()) - (D + 1);
   const auto from = [&](const Vec<S, D + 1>& root) {
@@ -53,6 +53,62 @@ template <class S, int D, PseudorangeView<S, D> V>
       minimum->state);
 }
 
+/// The fix at a minimum that `pseudorange_minimum` found. O(n·D²), no allocation.
+/// Errors: Error::DegenerateGeometry, Error::NumericOverflow.
+template <class S, int D, PseudorangeView<S, D> V>
+[[nodiscard]] Result<BiasedFix<S, D>> biased_fix_at(const V& view,
+                                                    const PseudorangeRoots<S, D>& roots,
+                                                    const Minimum<S, D + 1>& minimum) {
+  const Vec<S, D> position = minimum.state.template head<D>();
+  const auto profile =
+      pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position);
+  return make_biased_fix<S, D>(profile, roots.center, roots.mean_pseudorange, position,
+                               static_cast<int>(view.size()) - (D + 1));
+}
+
+/// The fix at the minimum in whose basin root `i` lies. O(n·D²) an iteration, no allocation.
+/// Errors: those of `pseudorange_minimum` and `biased_fix_at`.
+template <class S, int D, PseudorangeView<S, D> V>
+[[nodiscard]] Result<BiasedFix<S, D>> minimum_from(const V& view,
+                                                   const PseudorangeRoots<S, D>& roots, int i) {
+  const Result<Minimum<S, D + 1>> minimum = pseudorange_minimum<S, D>(view, roots, i);
+  if (!minimum) return std::unexpected(minimum.error());
+  return biased_fix_at<S, D>(view, roots, *minimum);
+}
+
+/// The fix one step of Gauss and Newton from root `i`, its χ² what the next step would leave: the
+/// minimum but for what noise squared does, at a fifth of its price. O(n·D²), no allocation.
+/// Errors: Error::NotConverged, a step of more than a fiftieth of the greatest length;
+/// Error::DegenerateGeometry, Error::NumericOverflow.
+template <class S, int D, PseudorangeView<S, D> V>
+[[nodiscard]] Result<BiasedFix<S, D>> step_from(const V& view, const PseudorangeRoots<S, D>& roots,
+                                                int i) {
+  Vec<S, D> position = roots.candidates[i].template head<D>();
+  const auto at = [&] {
+    return pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position);
+  };
+  const PseudorangeProfile<S, D> first = at();
+  const Ldlt<S, D> factor{first.normal.information};
+  if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
+  const Vec<S, D> step = factor.solve(first.normal.gradient);
+  constexpr S kFar = S(0.02);
+  if (!(norm(step) < kFar * roots.largest)) return std::unexpected(Error::NotConverged);
+  position += step;
+  const PseudorangeProfile<S, D> second = at();
+  Result<BiasedFix<S, D>> fix =
+      make_biased_fix<S, D>(second, roots.center, roots.mean_pseudorange, position,
+                            static_cast<int>(view.size()) - (D + 1));
+  if (!fix) return fix;
+  const Mat<S, D> covariance = fix->covariance.template topLeftCorner<D, D>();
+  for (int j = 0; j < D; ++j) {
+    for (int k = 0; k < D; ++k) {
+      fix->chi_squared -= second.normal.gradient[j] * covariance(j, k) * second.normal.gradient[k];
+    }
+  }
+  fix->chi_squared = std::max(fix->chi_squared, S(0));
+  return fix;
+}
+
 /// Position and bias from checked pseudoranges, mirror images settled. O(n·D²) an iteration, at
 /// most two descents, no allocation.
 /// Errors: Error::DegenerateGeometry; Error::InconsistentRanges, no root with positive ranges;
@@ -77,8 +133,7 @@ template <class S, int D, PseudorangeView<S, D> V>
                                        freedom, roots->largest, noise);
   }
   if (!found) return std::unexpected(found.error());
-  return make_biased_fix<S, D>(view, roots->center, roots->mean_pseudorange,
-                               found->state.template head<D>());
+  return biased_fix_at<S, D>(view, *roots, *found);
 }
 
 /// Position and common bias [m] from n ≥ D + 1 pseudoranges: `RangeTo` whose ranges are distances

@@ -106,13 +106,13 @@ template <class S, int D>
   return minimum;
 }
 
-/// The fix at `position`, relative to `center` like the pseudoranges to `mean`. O(n·D²), no
-/// allocation.
+/// The fix that `profile`, at `position`, describes. O(D³), no allocation.
 /// Errors: Error::DegenerateGeometry, all unit vectors alike or in a cone; Error::NumericOverflow.
-template <class S, int D, PseudorangeView<S, D> V>
-[[nodiscard]] Result<BiasedFix<S, D>> make_biased_fix(const V& view, const Vec<S, D>& center,
-                                                      S mean, const Vec<S, D>& position) {
-  const PseudorangeProfile<S, D> profile = pseudorange_profile<S, D>(view, center, mean, position);
+template <class S, int D>
+[[nodiscard]] Result<BiasedFix<S, D>> make_biased_fix(const PseudorangeProfile<S, D>& profile,
+                                                      const Vec<S, D>& center, S mean,
+                                                      const Vec<S, D>& position,
+                                                      int degrees_of_freedom) {
   const Ldlt<S, D> factor{profile.normal.information};
   if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
   const Mat<S, D> p = factor.inverse();
@@ -138,7 +138,7 @@ template <class S, int D, PseudorangeView<S, D> V>
   fix.position = center + position;
   fix.bias = mean + profile.bias;
   fix.chi_squared = profile.normal.chi_squared;
-  fix.degrees_of_freedom = static_cast<int>(view.size()) - (D + 1);
+  fix.degrees_of_freedom = degrees_of_freedom;
   if (!all_finite(fix.position) || !std::isfinite(fix.bias) || !all_finite(fix.covariance) ||
       !std::isfinite(fix.chi_squared)) {
     return std::unexpected(Error::NumericOverflow);

@@ -111,8 +111,8 @@ template <ReceiverSet R, std::ranges::contiguous_range L>
   using S = ReceiverScalar<R>;
   constexpr int D = kReceiverDimension<R>;
   if (!std::isfinite(lag)) return std::unexpected(Error::NotFinite);
-  const auto shot = as_ranges<S, D>(as_receiver_span(receivers), as_length_span<S>(lengths), lag,
-                                    options, D);
+  const auto shot =
+      as_ranges<S, D>(as_receiver_span(receivers), as_length_span<S>(lengths), lag, options, D);
   if (!shot) return std::unexpected(shot.error());
   for (const RangeTo<S, D>& r : shot->span()) {
     if (r.range < S(0)) return std::unexpected(Error::NegativeRange);
