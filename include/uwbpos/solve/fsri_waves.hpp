@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdlib>
 #include <limits>
 #include <span>
 
@@ -74,9 +73,9 @@ class WaveAssignment {
   [[nodiscard]] int moved(std::size_t joined, int shift) const {
     int sum = 0;
     for (std::size_t i = 0; i < joined; ++i) {
-      const int waves = std::abs((*this)[i] + shift);
-      if (waves > max_repair_) return kTooMany;
-      sum += waves;
+      const int waves = (*this)[i] + shift;
+      if (std::max(waves, -waves) > max_repair_) return kTooMany;
+      sum += std::max(waves, -waves);
     }
     return sum;
   }
@@ -102,7 +101,7 @@ class WaveAssignment {
       if (!has_joined[here]) continue;
       if (longer < kMaxFsriReceivers) {
         const int down = waves_[longer] - waves_[here];
-        sum += lengths_[longer] == lengths_[here] ? std::abs(down) : std::max(down, 0);
+        sum += lengths_[longer] == lengths_[here] ? std::max(down, -down) : std::max(down, 0);
       }
       longer = here;
     }
