@@ -2,30 +2,27 @@
 // From the counters of three ultrasonic receivers on a bar to the emitter's position, in spite of
 // thresholds crossed waves too late. The counts are those of Jiang et al. (2009), table 1.
 #include <array>
-#include <cstdint>
+#include <cmath>
 #include <cstdio>
 #include <string>
 
 #include <uwbpos/ranging/ultrasonic.hpp>
+#include <uwbpos/sim/paper_table.hpp>
 #include <uwbpos/sim/ultrasonic.hpp>
 #include <uwbpos/solve/fsri.hpp>
 
 int main() {
   using uwbpos::Vec;
-  const std::array<Vec<float, 2>, 3> receivers{
-      Vec<float, 2>{-0.256F, 0.0F}, Vec<float, 2>{0.0F, 0.0F}, Vec<float, 2>{0.2375F, 0.0F}};
-  const std::array<std::array<std::uint32_t, 3>, 4> shots{{{0x2D2E, 0x2623, 0x2053},
-                                                           {0x3AA8, 0x3496, 0x2FB2},
-                                                           {0x29E7, 0x26AC, 0x259D},
-                                                           {0x3522, 0x2F26, 0x2ACC}}};
+  const auto receivers = uwbpos::sim::table_receivers<float>();
   const float temperature = 24.0F;
   const auto wavelength = uwbpos::ultrasonic_wavelength(temperature);
   if (!wavelength) return 1;
   int solved = 0;
-  for (const auto& counts : shots) {
+  for (const auto& row : uwbpos::sim::kPaperTable) {
     std::array<float, 3> lengths;
     for (std::size_t i = 0; i < 3; ++i) {
-      const auto length = uwbpos::ultrasonic_length<float>(counts[i], {.temperature = temperature});
+      const auto length =
+          uwbpos::ultrasonic_length<float>(row.counts[i], {.temperature = temperature});
       if (!length) return 1;
       lengths[i] = length->value;
     }

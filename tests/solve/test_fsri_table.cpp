@@ -2,16 +2,15 @@
 #include <doctest/doctest.h>
 
 #include "uwbpos/ranging/ultrasonic.hpp"
+#include "uwbpos/sim/paper_table.hpp"
 #include "uwbpos/solve/fsri.hpp"
-
-#include "solve/paper_table.hpp"
 
 using namespace uwbpos;
 
 namespace {
 
 template <class S>
-std::array<S, 3> lengths_of(const test::PrintedRow& row) {
+std::array<S, 3> lengths_of(const sim::PrintedRow& row) {
   std::array<S, 3> lengths;
   for (std::size_t i = 0; i < 3; ++i) lengths[i] = ultrasonic_length<S>(row.counts[i])->value;
   return lengths;
@@ -19,7 +18,7 @@ std::array<S, 3> lengths_of(const test::PrintedRow& row) {
 
 // The print has a decimal; a millimetre more for what the authors' arithmetic may have lost.
 template <class S>
-void check_position(const Vec<S, 2>& position, const test::PrintedPosition& printed) {
+void check_position(const Vec<S, 2>& position, const sim::PrintedPosition& printed) {
   const Vec<double, 2> cm = 100 * position.template cast<double>();
   CHECK(std::abs(cm.x() - printed.x) < 0.15);
   CHECK(std::abs(cm.y() - printed.y) < 0.15);
@@ -29,9 +28,9 @@ void check_position(const Vec<S, 2>& position, const test::PrintedPosition& prin
 }  // namespace
 
 TEST_CASE_TEMPLATE("FSRI: the paper's table from its counts, all three methods", S, float, double) {
-  const auto receivers = test::table_receivers<S>();
+  const auto receivers = sim::table_receivers<S>();
   const S wavelength = *ultrasonic_wavelength(S(24));
-  for (const test::PrintedRow& row : test::kPaperTable) {
+  for (const sim::PrintedRow& row : sim::kPaperTable) {
     CAPTURE(row.counts[0]);
     const std::array<S, 3> lengths = lengths_of<S>(row);
     // Conventional: the two outer receivers, lengths as they are.
@@ -56,8 +55,8 @@ TEST_CASE_TEMPLATE("FSRI: the paper's table from its counts, all three methods",
 TEST_CASE("FSRI: only the order of the lengths tells the table's third row") {
   // Taking a wave off the shortest length would bring the lag within bounds as well; a prior at the
   // place that would follow makes it the answer, and says that there is doubt.
-  const auto receivers = test::table_receivers<double>();
-  const auto lengths = lengths_of<double>(test::kPaperTable[2]);
+  const auto receivers = sim::table_receivers<double>();
+  const auto lengths = lengths_of<double>(sim::kPaperTable[2]);
   FsriOptions<double> options;
   options.prior = Vec<double, 2>{0.3008, 1.0624};
   options.prior_sigma = 0.01;

@@ -12,14 +12,15 @@
 ///
 /// A wave more for all is a wave more of q at the same p, so repairs are sought up to a common
 /// number and that is chosen afterwards. A q outside its bounds by δ is brought back at the price
-/// δ²/var q. What some receivers cost, all cost at least: receivers join one by one, and a branch
-/// is left once its cost exceeds the best J by `kDoubtfulCost`.
+/// δ²/var q. Receivers join one by one; what some cost, all cost at least, and a branch is left
+/// once its cost exceeds the best J by `kDoubtfulCost`.
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <span>
+#include <utility>
 
 #include "uwbpos/solve/fsri_waves.hpp"
 #include "uwbpos/solve/pseudorange_least_squares.hpp"
@@ -69,7 +70,7 @@ class FsriSearch {
 
   /// The likeliest explanation.
   [[nodiscard]] const FsriExplanation<S, D>& best() const { return best_; }
-  /// The next, of infinite cost if there is none.
+  /// The next; its cost is infinite if there is none.
   [[nodiscard]] const FsriExplanation<S, D>& other() const { return other_; }
 
  private:
@@ -102,8 +103,10 @@ class FsriSearch {
     const int fewest = waves_.fewest_moved(joined);
     if (fewest == WaveAssignment<S, D>::kTooMany) return false;
     const int disorder = waves_.out_of_order(joined);
-    if (in_order_ && disorder > 0) return false;
-    if (!(kWaveCost<S> * static_cast<S>(fewest + disorder) < limit())) return false;
+    if ((in_order_ && disorder > 0) ||
+        !(kWaveCost<S> * static_cast<S>(fewest + disorder) < limit())) {
+      return false;
+    }
     if (joined < D + 1 || joined == lengths_.size()) return true;
     const Lengths some = repaired(joined);
     const Result<Roots> roots = pseudorange_roots<S, D>(some);
@@ -124,7 +127,8 @@ class FsriSearch {
     const Lengths all = repaired(lengths_.size());
     const Result<Roots> roots = pseudorange_roots<S, D>(all);
     if (!roots || roots->count == 0) {
-      note(roots ? Error::InconsistentRanges : roots.error());
+      const Error error = roots ? Error::InconsistentRanges : roots.error();
+      if (first_error_ == Error::NoRepairFits) first_error_ = error;
       return;
     }
     const int disorder = waves_.out_of_order(lengths_.size());
@@ -139,7 +143,7 @@ class FsriSearch {
       }
       const Result<BiasedFix<S, D>> fix = minimum_from<S, D>(all, *roots, i);
       if (!fix) {
-        note(fix.error());
+        if (first_error_ == Error::NoRepairFits) first_error_ = fix.error();
         continue;
       }
       solved_ = true;
@@ -182,16 +186,8 @@ class FsriSearch {
   }
 
   void keep(const FsriExplanation<S, D>& found) {
-    if (found.cost < best_.cost) {
-      other_ = best_;
-      best_ = found;
-    } else if (found.cost < other_.cost) {
-      other_ = found;
-    }
-  }
-
-  void note(Error error) {
-    if (first_error_ == Error::NoRepairFits) first_error_ = error;
+    if (found.cost < other_.cost) other_ = found;
+    if (other_.cost < best_.cost) std::swap(best_, other_);
   }
 
   [[nodiscard]] Lengths repaired(std::size_t joined) const {
