@@ -22,7 +22,7 @@ using namespace uwbpos::fuzz;
 using uwbpos::Vec;
 
 // Few, because each more multiplies the repairs that a hopeless shot has tried.
-constexpr std::size_t kMost = 6;
+constexpr std::size_t kMost = 5;
 
 template <class S, int D>
 void run(Bytes bytes) {
