@@ -36,7 +36,7 @@ void settle_bounded_lag(std::span<const Vec<S, D>> receivers, std::span<const S>
     largest = std::max(largest, repaired);
   }
   const RangeSpan<S, D> span{ranges.data(), lengths.size()};
-  const Vec<S, D> center = receivers.front();
+  const Vec<S, D>& center = receivers.front();
   constexpr int kIterations = 30;
   const Result<Minimum<S, D>> minimum =
       descend<S, D>(span, center, fix.position - center, largest, kIterations);
