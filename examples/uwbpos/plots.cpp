@@ -450,7 +450,7 @@ Figure repair_figure(const std::vector<std::pair<std::string, std::size_t>>& rep
   }
   script += "EOD\n";
   line(script, "set xrange [-0.7:{:.1f}]\nset yrange [0:*]", static_cast<double>(shown) - 0.3);
-  line(script, "set xtics ({}) rotate by 40 right font ',10'\nset bmargin 5.5\nset boxwidth 0.6",
+  line(script, "set xtics ({}) rotate by 40 right font ',10'\nset bmargin 5\nset boxwidth 0.6",
        tics);
   line(script, "set ylabel 'shots'\nset style fill solid 0.6 noborder");
   line(script, "plot $bars with boxes lc {}", series_ink(0));

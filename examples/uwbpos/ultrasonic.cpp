@@ -85,7 +85,7 @@ std::vector<std::pair<std::string, std::size_t>> UltrasonicReplay::repairs() con
   std::vector<std::pair<std::string, std::size_t>> named;
   for (const auto& [repair, count] : counts) {
     const bool none = std::ranges::all_of(repair, [](int waves) { return waves == 0; });
-    named.emplace_back(none ? "none" : fmt::format("{}", fmt::join(repair, " ")), count);
+    named.emplace_back(none ? "none" : fmt::format("({})", fmt::join(repair, ", ")), count);
   }
   std::map<std::string, std::size_t> merged;  // shots of fewer receivers have a `none` of their own
   for (const auto& [name, count] : named) merged[name] += count;

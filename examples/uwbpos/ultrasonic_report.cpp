@@ -114,7 +114,7 @@ std::string ultrasonic_table(const UltrasonicReplay& found) {
                         centimetres(lags.back()), centimetres(quantile_of_sorted(lags, 0.5)));
   }
   for (const auto& [name, count] : found.repairs()) {
-    text += fmt::format("  repair {:<16}{:>6}\n", name, count);
+    text += fmt::format("  repair {:<24}{:>6}\n", name, count);
   }
   if (replay.all.scored > 0) {
     const ErrorSummary& e = replay.all.error;

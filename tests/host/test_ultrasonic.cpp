@@ -59,7 +59,7 @@ TEST_CASE("Ultrasonic shots become a track; what cannot be solved is counted by 
   CHECK(total(found.replay.refused_readings) == 1);
   const std::string summary = ultrasonic_summary(found, problems);
   for (const char* key : {"\"epochs\": 4", "\"solved\": 2", "\"too_few_measurements\": 1",
-                          "\"repaired\": 1", "\"-1 0 0\": 1", "\"lag_m\"", "\"dim\": 2"}) {
+                          "\"repaired\": 1", "\"(-1, 0, 0)\": 1", "\"lag_m\"", "\"dim\": 2"}) {
     CAPTURE(key);
     CHECK(summary.find(key) != std::string::npos);
   }

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
+#include <cmath>
 #include <functional>
+#include <numbers>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -139,6 +141,18 @@ TEST_CASE("FSRI: the paper's simulation, with a fourth receiver") {
   const Tally behind = turns<4>("fourth receiver at (0, -0.3)", with_fourth({0, -0.3}), 10);
   CHECK(behind.share(behind.wrong_repair) <= 0.01);
   CHECK(behind.share(behind.right_given_repair) < 0.85);
+}
+
+TEST_CASE("FSRI: eight receivers around the circle, each late by its own waves") {
+  std::array<Vec<double, 2>, 8> ring;
+  for (std::size_t i = 0; i < 8; ++i) {
+    const double angle = std::numbers::pi / 4 * static_cast<double>(i);
+    ring[i] = {0.8 + 1.2 * std::cos(angle), 0.8 + 1.2 * std::sin(angle)};
+  }
+  const Tally tally = turns<8>("eight receivers", ring, 2);
+  CHECK(tally.right == tally.shots);
+  CHECK(tally.ambiguous == 0);
+  CHECK(test::median(tally.errors) < 0.0002);
 }
 
 TEST_CASE("FSRI: the paper's simulation, three receivers and a prior position") {
