@@ -232,6 +232,9 @@ TEST_CASE_TEMPLATE("FSRI: what cannot be is refused by name", S, float, double) 
   CHECK(with_length(S(-1)) == Error::NegativeRange);
   // Longer by more than the receivers are apart and all waves together.
   CHECK(with_length(S(2)) == Error::InconsistentRanges);
+  // Shorter than the lag that the others have: the sound would arrive before it was sent.
+  CHECK_FALSE(fsri(bar<S>(), std::array<S, 3>{S(0.01), S(0.01), S(0.01)}, plain));
+  CHECK_FALSE(fsri(bar<S>(), std::array<S, 3>{S(0.43), S(0.43), S(0.01)}, plain));
   // Five waves late when two may be taken off, at most, from each.
   auto waves = late<S, 2, 3>(bar<S>(), emitter, S(0.01), {5, 0, 0});
   CHECK(fsri(bar<S>(), waves, plain).error() == Error::NoRepairFits);

@@ -20,7 +20,7 @@ namespace uwbpos {
 /// Errors: Error::NotFinite; Error::InvalidOption, a wavelength or prior sigma that is not
 /// positive, a negative longest lag, a largest repair not in 0 … 8; Error::NonPositiveSigma.
 template <class S, int D>
-[[nodiscard]] Result<FsriOptions<S, D>> resolve_options(FsriOptions<S, D> options) {
+[[nodiscard]] Result<FsriOptions<S, D>> resolve_fsri_options(FsriOptions<S, D> options) {
   if (!options.max_lag) options.max_lag = S(5) * options.wavelength;
   if (!options.sigma) options.sigma = options.wavelength / S(100);
   if (!std::isfinite(options.wavelength) || !std::isfinite(*options.max_lag) ||
@@ -78,12 +78,12 @@ struct ShotRanges {
 };
 
 /// Checks a shot and takes `lag` off its lengths. O(n²), no allocation.
-/// Errors: those of `resolve_options`, `check_shot`, `ReceiverArray::make`.
+/// Errors: those of `resolve_fsri_options`, `check_shot`, `ReceiverArray::make`.
 template <class S, int D>
-[[nodiscard]] Result<ShotRanges<S, D>> as_ranges(std::span<const Vec<S, D>> receivers,
-                                                 std::span<const S> lengths, S lag,
-                                                 const FsriOptions<S, D>& given, int at_least) {
-  const Result<FsriOptions<S, D>> options = resolve_options(given);
+[[nodiscard]] Result<ShotRanges<S, D>> shot_ranges(std::span<const Vec<S, D>> receivers,
+                                                   std::span<const S> lengths, S lag,
+                                                   const FsriOptions<S, D>& given, int at_least) {
+  const Result<FsriOptions<S, D>> options = resolve_fsri_options(given);
   if (!options) return std::unexpected(options.error());
   if (const auto error = check_shot<S, D>(receivers, lengths, at_least)) {
     return std::unexpected(*error);
@@ -101,7 +101,7 @@ template <class S, int D>
 /// Position [m] by the conventional method: n ≥ D `lengths` [m] to `receivers` [m], equally many,
 /// each taken to be `lag` [m] too long. The error is about that of the lag, times the dilution. Of
 /// `options` side, prior and sigma are heard. No allocation.
-/// Errors: those of `resolve_options`, `check_shot`, `ReceiverArray::make` and `locate`;
+/// Errors: those of `resolve_fsri_options`, `check_shot`, `ReceiverArray::make` and `locate`;
 /// Error::NotFinite, the lag; Error::NegativeRange, a length shorter than it.
 template <ReceiverSet R, std::ranges::contiguous_range L>
 [[nodiscard]] auto locate_conventional(const R& receivers, const L& lengths,
@@ -112,7 +112,7 @@ template <ReceiverSet R, std::ranges::contiguous_range L>
   constexpr int D = kReceiverDimension<R>;
   if (!std::isfinite(lag)) return std::unexpected(Error::NotFinite);
   const auto shot =
-      as_ranges<S, D>(as_receiver_span(receivers), as_length_span<S>(lengths), lag, options, D);
+      shot_ranges<S, D>(as_receiver_span(receivers), as_length_span<S>(lengths), lag, options, D);
   if (!shot) return std::unexpected(shot.error());
   for (const RangeTo<S, D>& r : shot->span()) {
     if (r.range < S(0)) return std::unexpected(Error::NegativeRange);
@@ -122,7 +122,8 @@ template <ReceiverSet R, std::ranges::contiguous_range L>
 
 /// Position and lag [m] by time differences: n ≥ D + 1 lengths as they are, the lag free, of either
 /// sign and any size. Arguments as those of `locate_conventional`. No allocation.
-/// Errors: those of `resolve_options`, `check_shot`, `ReceiverArray::make`, `locate_with_bias`.
+/// Errors: those of `resolve_fsri_options`, `check_shot`, `ReceiverArray::make`,
+/// `locate_with_bias`.
 template <ReceiverSet R, std::ranges::contiguous_range L>
 [[nodiscard]] auto locate_time_difference(
     const R& receivers, const L& lengths,
@@ -130,8 +131,8 @@ template <ReceiverSet R, std::ranges::contiguous_range L>
     -> Result<BiasedFix<ReceiverScalar<R>, kReceiverDimension<R>>> {
   using S = ReceiverScalar<R>;
   constexpr int D = kReceiverDimension<R>;
-  const auto shot = as_ranges<S, D>(as_receiver_span(receivers), as_length_span<S>(lengths), S(0),
-                                    options, D + 1);
+  const auto shot = shot_ranges<S, D>(as_receiver_span(receivers), as_length_span<S>(lengths), S(0),
+                                      options, D + 1);
   if (!shot) return std::unexpected(shot.error());
   return locate_with_bias(shot->span(), shot->side);
 }
