@@ -17,6 +17,7 @@
 #include "demo.hpp"
 #include "failure.hpp"
 #include "simulate.hpp"
+#include "ultrasonic.hpp"
 
 namespace uwbpos::host {
 namespace {
@@ -263,6 +264,97 @@ void add_simulation(CLI::App& app, SimulateSettings& s) {
       ->capture_default_str();
 }
 
+constexpr const char* kUltrasonicFooter =
+    "Files are CSV with a header row:\n"
+    "  anchors.csv     anchor_id,x_m,y_m,z_m      the receivers\n"
+    "  ultrasonic.csv  t_s,receiver_id,count [temperature_c]   ticks from shot to arrival\n"
+    "Rows of one time are one shot. Receivers equally high are solved in the plane, the\n"
+    "emitter on the side of greater y unless --side below or --prior says otherwise;\n"
+    "--dim 3 solves in space, --side then is above or below the receivers' plane.";
+
+void add_ultrasonic(CLI::App& app, UltrasonicSettings& u, Arguments& a) {
+  Settings& s = u.common;
+  app.add_option("--anchors", s.anchors, "where the receivers are (CSV)")
+      ->type_name("FILE")
+      ->required();
+  app.add_option("--ultrasonic", u.shots, "counter readings of each shot (CSV)")
+      ->type_name("FILE")
+      ->required();
+  app.add_option("--truth", s.truth, "true positions of the emitter (TUM)")->type_name("FILE");
+  app.add_option("--temperature", u.temperature, "where the log gives none [deg C]")
+      ->type_name("C")
+      ->check(finite())
+      ->capture_default_str();
+  app.add_option_function<double>(
+         "--tick-us", [&u](const double& us) { u.tick = 1e-6 * us; },
+         "of the counter [us] (default: 1/3)")
+      ->type_name("T")
+      ->check(above_zero());
+  app.add_option_function<double>(
+         "--delay-us", [&u](const double& us) { u.circuit_delay = 1e-6 * us; },
+         "of the circuit, is subtracted [us] (default: 0)")
+      ->type_name("T")
+      ->check(not_negative());
+  app.add_option("--frequency", u.frequency, "of the sound [Hz]")
+      ->type_name("F")
+      ->check(above_zero())
+      ->capture_default_str();
+  app.add_option("--max-lag", u.max_lag, "longest lag [waves]")
+      ->type_name("N")
+      ->check(not_negative())
+      ->capture_default_str();
+  app.add_option("--max-repair", u.max_repair, "most waves to move a length by")
+      ->type_name("N")
+      ->check(CLI::Range(0, 8).description(""))
+      ->capture_default_str();
+  app.add_option_function<double>(
+         "--sigma", [&s](const double& sigma) { s.sigma = sigma; },
+         "standard deviation of a length [m] (default: a\nhundredth of a wave)")
+      ->type_name("S")
+      ->check(above_zero());
+  app.add_flag("--follow", u.follow, "the last position is the next shot's prior");
+  app.add_option("--prior-sigma", u.prior_sigma, "how far a prior may be off, along each axis [m]")
+      ->type_name("S")
+      ->check(above_zero())
+      ->capture_default_str();
+  app.add_option("--prior", a.prior, "where the emitter starts, roughly [m]")
+      ->type_name("X,Y[,Z]")
+      ->delimiter(',')
+      ->expected(2, 3)
+      ->check(finite());
+  app.add_option("--height", a.height, "of the emitter, for the track in the plane [m]")
+      ->type_name("H")
+      ->check(finite());
+  add_choice<std::optional<int>>(app, "--dim", s.dim,
+                                 "2: in the plane, 3: in space (default: 2 when all\nreceivers are "
+                                 "equally high, else 3)",
+                                 {{"2", 2}, {"3", 3}});
+  add_choice<Side>(app, "--side", s.side,
+                   "of a bar or plate of receivers: greater or smaller\ny (in space, z)",
+                   {{"above", Side::kAbove}, {"below", Side::kBelow}});
+  app.add_option("--epoch-window", a.epoch_window,
+                 "arrivals within this time are one shot [s]\n(default: from the log)")
+      ->type_name("S")
+      ->check(not_negative());
+  app.add_option("--max-range", s.max_range, "longer lengths are refused [m]")
+      ->type_name("R")
+      ->check(above_zero())
+      ->capture_default_str();
+  app.add_option("--out", s.out, "directory for the results")
+      ->type_name("DIR")
+      ->capture_default_str();
+  app.add_flag("--strict", s.strict, "a malformed row ends the run");
+  app.footer(kUltrasonicFooter);
+}
+
+void settle_ultrasonic(const CLI::App& app, UltrasonicSettings& u, const Arguments& a) {
+  if (app.count("--height") > 0) u.common.height = a.height;
+  if (app.count("--epoch-window") > 0) u.common.epoch_window = a.epoch_window;
+  if (!a.prior.empty()) {
+    u.common.prior = Vec3{a.prior[0], a.prior[1], a.prior.size() > 2 ? a.prior[2] : 0};
+  }
+}
+
 int dispatch(int argc, const char* const* argv) {
   CLI::App app{kAbout, "uwbpos"};
   app.require_subcommand(1);
@@ -286,6 +378,12 @@ int dispatch(int argc, const char* const* argv) {
       app.add_subcommand("simulate", "write the logs and the truth of a simulated run");
   add_simulation(*simulate, simulation);
 
+  UltrasonicSettings ultrasonic_settings;
+  Arguments ultrasonic_arguments;
+  CLI::App* ultrasonic =
+      app.add_subcommand("ultrasonic", "solve shots of ultrasound, lag and whole waves included");
+  add_ultrasonic(*ultrasonic, ultrasonic_settings, ultrasonic_arguments);
+
   std::filesystem::path demo_out = "out/demo";
   CLI::App* demo = app.add_subcommand("demo", "show in a minute what this is about");
   demo->add_option("--out", demo_out, "directory for the reports")
@@ -296,6 +394,10 @@ int dispatch(int argc, const char* const* argv) {
     app.parse(argc, argv);
     if (simulate->parsed()) return run_simulate(simulation);
     if (demo->parsed()) return run_demo(demo_out);
+    if (ultrasonic->parsed()) {
+      settle_ultrasonic(*ultrasonic, ultrasonic_settings, ultrasonic_arguments);
+      return run_ultrasonic(ultrasonic_settings);
+    }
     if (replay->parsed()) {
       settle_solving(*replay, replay_arguments);
       return run_replay(replay_arguments.settings);

@@ -18,6 +18,7 @@
 
 #include "command_line.hpp"
 #include "commands.hpp"
+#include "demo_ultrasonic.hpp"
 #include "failure.hpp"
 #include "simulate.hpp"
 
@@ -188,6 +189,7 @@ int run_demo(const std::filesystem::path& out) {
         "\n3. SKIPPED: the real recordings are not here; put them at ../shared/data or name their\n"
         "   folder in UWBPOS_DATA to see them calibrated and replayed.\n");
   }
+  show_ultrasound(out);
   fmt::print("\nNow open the report: {}\n", report.string());
   return kSuccess;
 }

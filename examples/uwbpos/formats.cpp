@@ -216,6 +216,25 @@ Log<Exchange> read_twr(const std::filesystem::path& file, Problems& problems) {
   return log;
 }
 
+Log<Arrival> read_ultrasonic(const std::filesystem::path& file, Problems& problems) {
+  enum : std::size_t { kTime, kReceiver, kCount, kTemperature };
+  Log<Arrival> log{file, {}, {}};
+  const auto columns = {Column{"t_s", true}, Column{"receiver_id", true}, Column{"count", true},
+                        Column{"temperature_c"}};
+  log.counts.rows = read_csv(file, columns, problems, [&](const Row& row) {
+    Arrival arrival{row.number(kTime), row.id(kReceiver), 0, row.optional_number(kTemperature),
+                    row.line()};
+    if (row.empty(kCount)) {
+      ++log.counts.no_reading;
+      return;
+    }
+    arrival.count = row.id(kCount);
+    log.rows.push_back(arrival);
+  });
+  put_in_order(log);
+  return log;
+}
+
 Log<Difference> read_tdoa(const std::filesystem::path& file, Problems& problems) {
   enum : std::size_t { kTime, kAnchorA, kAnchorB, kDifference, kTag, kSigma };
   Log<Difference> log{file, {}, {}};

@@ -62,6 +62,15 @@ struct Exchange {
   std::size_t line = 0;
 };
 
+/// When the sound of one shot reached one receiver.
+struct Arrival {
+  double t;  ///< of the shot [s]
+  Id receiver;
+  std::uint32_t count;                ///< ticks since the shot
+  std::optional<double> temperature;  ///< of the air [°C]
+  std::size_t line = 0;
+};
+
 /// Estimate minus truth [m] of each link; an entry without a tag serves every tag.
 struct BiasTable {
   std::map<std::pair<Id, Id>, double> of_link;  ///< (tag, anchor)
@@ -100,6 +109,7 @@ struct Log {
 /// Rows come back by time, however they stood in the file.
 [[nodiscard]] Log<Reading> read_ranges(const std::filesystem::path& file, Problems& problems);
 [[nodiscard]] Log<Exchange> read_twr(const std::filesystem::path& file, Problems& problems);
+[[nodiscard]] Log<Arrival> read_ultrasonic(const std::filesystem::path& file, Problems& problems);
 [[nodiscard]] Log<Difference> read_tdoa(const std::filesystem::path& file, Problems& problems);
 
 }  // namespace uwbpos::host

@@ -417,4 +417,48 @@ Figure range_error_figure(const std::vector<ScoredRange>& ranges) {
                     : std::string{"Range minus true distance."});
 }
 
+Figure lag_figure(const std::vector<ShotDot>& lags, double max_lag) {
+  const std::size_t stride = stride_for(lags.size(), kMostDots);
+  std::string sure;
+  std::string unsure;
+  std::size_t count = 0;
+  for (const ShotDot& dot : lags) {
+    if (count++ % stride != 0) continue;
+    line(dot.ambiguous ? unsure : sure, "{:.3f} {:.4f}", dot.t - lags.front().t, 100 * dot.value);
+  }
+  std::string script = preamble(520, 300);
+  line(script, "$sure << EOD\nNaN NaN\n{}EOD\n$unsure << EOD\nNaN NaN\n{}EOD", sure, unsure);
+  line(script, "set xrange [0:{:.4f}]\nset yrange [0:{:.4f}]",
+       std::max(lags.back().t - lags.front().t, 1e-9), 100 * max_lag);
+  line(script, "set xlabel 'time since the first shot [s]'\nset ylabel 'lag [cm]'");
+  line(script, "plot $sure with points pt 7 ps 0.3 lc {}, $unsure with points pt 7 ps 0.3 lc {}",
+       series_ink(0), ink(Ink::kWorst));
+  return finish("Lag over time", script, "lag",
+                "What all receivers of a shot were late by. Shots that another repair might "
+                "explain have a colour of their own." +
+                    thinned(stride));
+}
+
+Figure repair_figure(const std::vector<std::pair<std::string, std::size_t>>& repairs) {
+  constexpr std::size_t most = 12;
+  const std::size_t shown = std::min(most, repairs.size());
+  std::string script = preamble(520, 300) + "$bars << EOD\n";
+  std::string tics;
+  for (std::size_t i = 0; i < shown; ++i) {
+    line(script, "{} {}", i, repairs[i].second);
+    tics += fmt::format("{}'{}' {}", i == 0 ? "" : ",", repairs[i].first, i);
+  }
+  script += "EOD\n";
+  line(script, "set xrange [-0.7:{:.1f}]\nset yrange [0:*]", static_cast<double>(shown) - 0.3);
+  line(script, "set xtics ({}) rotate by 40 right font ',10'\nset bmargin 5\nset boxwidth 0.6",
+       tics);
+  line(script, "set ylabel 'shots'\nset style fill solid 0.6 noborder");
+  line(script, "plot $bars with boxes lc {}", series_ink(0));
+  return finish(
+      "Repairs", script, "repairs",
+      "Whole waves added to each length, by ascending receiver id." +
+          (repairs.size() > most ? fmt::format(" The {} most frequent of {}.", most, repairs.size())
+                                 : std::string{}));
+}
+
 }  // namespace uwbpos::host

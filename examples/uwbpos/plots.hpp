@@ -35,4 +35,14 @@ struct Figure {
 /// Error of ranges over the true distance, of each method.
 [[nodiscard]] Figure range_error_figure(const std::vector<ScoredRange>& ranges);
 
+/// A quantity of each shot over time, in centimetres; shots that others might explain stand out.
+struct ShotDot {
+  double t;      ///< [s]
+  double value;  ///< [m]
+  bool ambiguous;
+};
+[[nodiscard]] Figure lag_figure(const std::vector<ShotDot>& lags, double max_lag);
+/// Bar per repair, by how often.
+[[nodiscard]] Figure repair_figure(const std::vector<std::pair<std::string, std::size_t>>& repairs);
+
 }  // namespace uwbpos::host

@@ -51,6 +51,10 @@ std::string_view reason_name(Error error) {
       return "clock_jump";
     case Error::NumericOverflow:
       return "numeric_overflow";
+    case Error::TemperatureOutOfRange:
+      return "temperature_out_of_range";
+    case Error::NoRepairFits:
+      return "no_repair_fits";
     case Error::UnknownAnchor:
       return "unknown_anchor";
     default:

@@ -7,6 +7,7 @@
 #include "uwbpos/accuracy/dop.hpp"
 #include "uwbpos/solve/bancroft.hpp"
 #include "uwbpos/solve/exclude_outliers.hpp"
+#include "uwbpos/solve/fsri.hpp"
 #include "uwbpos/solve/locate.hpp"
 #include "uwbpos/solve/tdoa_chan.hpp"
 #include "uwbpos/solve/tdoa_fang.hpp"
@@ -53,6 +54,13 @@ TEST_CASE_TEMPLATE("no solver and no bound touches the heap", S, float, double) 
     pairs.push_back({a, anchors[i], test::true_difference<S, 3>(room.tag, a, anchors[i])});
   }
 
+  const std::array<Vec<S, 2>, 4> receivers{Vec<S, 2>{0, 0}, Vec<S, 2>{S(0.8), 0},
+                                           Vec<S, 2>{S(0.8), S(0.8)}, Vec<S, 2>{0, S(0.8)}};
+  const Vec<S, 2> emitter{S(0.9), S(1.3)};
+  std::array<S, 4> lengths;
+  for (std::size_t i = 0; i < 4; ++i) lengths[i] = (emitter - receivers[i]).norm() + S(0.02);
+  lengths[1] += FsriOptions<S>{}.wavelength;
+
   const std::size_t before = allocations;
   int solved = 0;
   solved += locate(room.ranges) ? 1 : 0;
@@ -71,8 +79,11 @@ TEST_CASE_TEMPLATE("no solver and no bound touches the heap", S, float, double) 
   solved += locate_with_bias(room.ranges) ? 1 : 0;
   solved += locate(pairs) ? 1 : 0;
   solved += locate_excluding(room.ranges) ? 1 : 0;
+  solved += fsri(receivers, lengths) ? 1 : 0;
+  solved += locate_conventional(receivers, lengths, S(0.02)) ? 1 : 0;
+  solved += locate_time_difference(receivers, lengths) ? 1 : 0;
   const std::size_t after = allocations;
-  CHECK(solved == 16);
+  CHECK(solved == 19);
   CHECK(after == before);
 
   // The count does count. (A new expression may be optimised away, a call may not.)

@@ -48,6 +48,9 @@ enum class Error : std::uint8_t {
   RotationUndetermined,
   UnknownSubnet,
   DuplicateSubnet,
+  // Ultrasound.
+  TemperatureOutOfRange,
+  NoRepairFits,
   // Tables.
   UnknownAnchor,
   DuplicateAnchor,
@@ -122,6 +125,10 @@ inline constexpr int kErrorCount = static_cast<int>(Error::InvalidTable) + 1;
       return "no subnet has this id";
     case Error::DuplicateSubnet:
       return "a subnet with this id exists already";
+    case Error::TemperatureOutOfRange:
+      return "the temperature, or the speed of sound, lies outside what air has";
+    case Error::NoRepairFits:
+      return "no allowed number of whole waves brings the lag into its bounds";
     case Error::UnknownAnchor:
       return "no anchor has this id";
     case Error::DuplicateAnchor:

@@ -8,49 +8,105 @@
 /// shared reference it is the minimum with their full Q⁻¹ (model/pseudorange.hpp).
 
 #include "uwbpos/solve/mirror_choice.hpp"
+#include "uwbpos/solve/pseudorange_profile.hpp"
 #include "uwbpos/solve/pseudorange_roots.hpp"
 
 namespace uwbpos {
 
-/// A position and the bias that all ranges share. `position`, `bias` [m]; `covariance` of
-/// (position, bias) [m²]; χ² at the solution; measurements − unknowns.
+/// The shortest step [m] that the scalar can tell near these roots.
 template <class S, int D>
-struct BiasedFix {
-  Vec<S, D> position;        ///< [m]
-  S bias;                    ///< [m]
-  Mat<S, D + 1> covariance;  ///< of (position, bias) [m²]
-  S chi_squared;             ///< at the solution
-  int degrees_of_freedom;    ///< measurements − unknowns
-};
+[[nodiscard]] S pseudorange_rounding(const PseudorangeRoots<S, D>& roots) {
+  return S(4) * std::numeric_limits<S>::epsilon() * roots.largest;
+}
 
-/// The normal equations at (position, bias), relative to `center` and `mean`. O(n·D²).
+/// The minimum of χ² in whose basin root `i` lies, (position, bias) relative to `roots.center` and
+/// `roots.mean_pseudorange`. O(n·D²) an iteration, no allocation. Error::NotConverged.
 template <class S, int D, PseudorangeView<S, D> V>
-[[nodiscard]] NormalEquations<S, D + 1> pseudorange_normal(const V& view, const Vec<S, D>& center,
-                                                           S mean, const Vec<S, D + 1>& state) {
-  NormalEquations<S, D + 1> normal;
-  Vec<S, D> position;
-  for (int k = 0; k < D; ++k) position[k] = state[k];
-  S curvature = S(0);
-  for (std::size_t i = 0; i < view.size(); ++i) {
-    const RangeTo<S, D>& r = view[i];
-    const Vec<S, D> anchor = r.anchor - center;
-    const PseudorangePrediction<S, D> predicted = predict_pseudorange(position, state[D], anchor);
-    const S weight = S(1) / (r.sigma * r.sigma);
-    const S residual = (r.range - mean) - predicted.pseudorange;
-    const S weighted = residual * weight;
-    add_outer(normal.information, predicted.gradient, weight);
-    normal.gradient += weighted * predicted.gradient;
-    normal.chi_squared += weighted * residual;
-    const S range = predicted.pseudorange - state[D];
-    const S bend = range > S(0) ? weighted / range : S(0);
-    Vec<S, D + 1> direction = predicted.gradient;
-    direction[D] = S(0);
-    add_outer(normal.hessian, direction, bend);
-    curvature += bend;
+[[nodiscard]] Result<Minimum<S, D + 1>> pseudorange_minimum(const V& view,
+                                                            const PseudorangeRoots<S, D>& roots,
+                                                            int i) {
+  constexpr int kIterations = 100;
+  const int freedom = static_cast<int>(view.size()) - (D + 1);
+  const auto from = [&](const Vec<S, D + 1>& root) {
+    const auto evaluate = [&](const Vec<S, D>& position) {
+      return pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position).normal;
+    };
+    Vec<S, D> start;
+    for (int k = 0; k < D; ++k) start[k] = root[k];
+    Result<Minimum<S, D>> found =
+        minimise<S, D>(evaluate, start, pseudorange_rounding(roots), kIterations);
+    // χ² may fall towards a far end of the hyperbolas, where rounding ends it.
+    const S farthest = S(1e3) * (roots.largest + norm(start));
+    if (found && !(norm(found->state) < farthest)) found = std::unexpected(Error::NotConverged);
+    return found;
+  };
+  // The refined root is near its minimum unless noise has sent it astray, which shows in a χ² that
+  // is not believable.
+  Result<Minimum<S, D>> minimum = from(refined_candidate<S, D>(view, roots, i));
+  if (!minimum || !is_believable(minimum->chi_squared, freedom)) {
+    const Result<Minimum<S, D>> again = from(roots.candidates[i]);
+    if (!minimum || (again && again->chi_squared < minimum->chi_squared)) minimum = again;
   }
-  normal.hessian += normal.information;
-  for (int i = 0; i < D; ++i) normal.hessian(i, i) -= curvature;
-  return normal;
+  if (!minimum) return std::unexpected(minimum.error());
+  return with_bias(
+      pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, minimum->state),
+      minimum->state);
+}
+
+/// The fix at a minimum that `pseudorange_minimum` found. O(n·D²), no allocation.
+/// Errors: Error::DegenerateGeometry, Error::NumericOverflow.
+template <class S, int D, PseudorangeView<S, D> V>
+[[nodiscard]] Result<BiasedFix<S, D>> biased_fix_at(const V& view,
+                                                    const PseudorangeRoots<S, D>& roots,
+                                                    const Minimum<S, D + 1>& minimum) {
+  const Vec<S, D> position = minimum.state.template head<D>();
+  const auto profile =
+      pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position);
+  return make_biased_fix<S, D>(profile, roots.center, roots.mean_pseudorange, position,
+                               static_cast<int>(view.size()) - (D + 1));
+}
+
+/// The fix at the minimum in whose basin root `i` lies. O(n·D²) an iteration, no allocation.
+/// Errors: those of `pseudorange_minimum` and `biased_fix_at`.
+template <class S, int D, PseudorangeView<S, D> V>
+[[nodiscard]] Result<BiasedFix<S, D>> minimum_from(const V& view,
+                                                   const PseudorangeRoots<S, D>& roots, int i) {
+  const Result<Minimum<S, D + 1>> minimum = pseudorange_minimum<S, D>(view, roots, i);
+  if (!minimum) return std::unexpected(minimum.error());
+  return biased_fix_at<S, D>(view, roots, *minimum);
+}
+
+/// The fix one step of Gauss and Newton from root `i`, its χ² what the next step would leave: the
+/// minimum but for what noise squared does, at a fifth of its price. O(n·D²), no allocation.
+/// Errors: Error::NotConverged, a step of more than a fiftieth of the greatest length;
+/// Error::DegenerateGeometry, Error::NumericOverflow.
+template <class S, int D, PseudorangeView<S, D> V>
+[[nodiscard]] Result<BiasedFix<S, D>> step_from(const V& view, const PseudorangeRoots<S, D>& roots,
+                                                int i) {
+  Vec<S, D> position = roots.candidates[i].template head<D>();
+  const auto at = [&] {
+    return pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position);
+  };
+  const PseudorangeProfile<S, D> first = at();
+  const Ldlt<S, D> factor{first.normal.information};
+  if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
+  const Vec<S, D> step = factor.solve(first.normal.gradient);
+  constexpr S kFar = S(0.02);
+  if (!(norm(step) < kFar * roots.largest)) return std::unexpected(Error::NotConverged);
+  position += step;
+  const PseudorangeProfile<S, D> second = at();
+  Result<BiasedFix<S, D>> fix =
+      make_biased_fix<S, D>(second, roots.center, roots.mean_pseudorange, position,
+                            static_cast<int>(view.size()) - (D + 1));
+  if (!fix) return fix;
+  const Mat<S, D> covariance = fix->covariance.template topLeftCorner<D, D>();
+  for (int j = 0; j < D; ++j) {
+    for (int k = 0; k < D; ++k) {
+      fix->chi_squared -= second.normal.gradient[j] * covariance(j, k) * second.normal.gradient[k];
+    }
+  }
+  fix->chi_squared = std::max(fix->chi_squared, S(0));
+  return fix;
 }
 
 /// Position and bias from checked pseudoranges, mirror images settled. O(n·D²) an iteration, at
@@ -60,55 +116,24 @@ template <class S, int D, PseudorangeView<S, D> V>
 template <class S, int D, PseudorangeView<S, D> V>
 [[nodiscard]] Result<BiasedFix<S, D>> solve_pseudoranges(const V& view,
                                                          const LocateOptions<S, D>& options) {
-  constexpr int kIterations = 100;
   const Result<PseudorangeRoots<S, D>> roots = pseudorange_roots<S, D>(view);
   if (!roots) return std::unexpected(roots.error());
   if (roots->count == 0) return std::unexpected(Error::InconsistentRanges);
-  const S rounding = S(4) * std::numeric_limits<S>::epsilon() * roots->largest;
-  const auto from = [&](const Vec<S, D + 1>& start) {
-    const auto evaluate = [&](const Vec<S, D + 1>& state) {
-      return pseudorange_normal<S, D>(view, roots->center, roots->mean_pseudorange, state);
-    };
-    return minimise<S, D + 1>(evaluate, start, rounding, kIterations);
-  };
   const int freedom = static_cast<int>(view.size()) - (D + 1);
-  // The refined root is near its minimum unless noise has sent it astray, which shows in a χ² that
-  // is not believable.
-  const auto settle = [&](int i) {
-    Result<Minimum<S, D + 1>> minimum = from(refined_candidate<S, D>(view, *roots, i));
-    if (minimum && is_believable(minimum->chi_squared, freedom)) return minimum;
-    const Result<Minimum<S, D + 1>> again = from(roots->candidates[i]);
-    if (!minimum || (again && again->chi_squared < minimum->chi_squared)) minimum = again;
-    return minimum;
-  };
-  Result<Minimum<S, D + 1>> found = settle(0);
+  Result<Minimum<S, D + 1>> found = pseudorange_minimum<S, D>(view, *roots, 0);
   if (roots->count == 2) {
     LocateOptions<S, D> relative = options;
     if (relative.prior) *relative.prior -= roots->center;
     S noise = S(0);
     for (std::size_t i = 0; i < view.size(); ++i) {
-      const S normalised = rounding / view[i].sigma;
+      const S normalised = pseudorange_rounding(*roots) / view[i].sigma;
       noise += normalised * normalised;
     }
-    found = settle_images<S, D, D + 1>(found, settle(1), relative, freedom, roots->largest, noise);
+    found = settle_images<S, D, D + 1>(found, pseudorange_minimum<S, D>(view, *roots, 1), relative,
+                                       freedom, roots->largest, noise);
   }
   if (!found) return std::unexpected(found.error());
-
-  const Ldlt<S, D + 1> factor{found->information};
-  if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
-  BiasedFix<S, D> fix;
-  for (int k = 0; k < D; ++k) fix.position[k] = roots->center[k] + found->state[k];
-  fix.bias = roots->mean_pseudorange + found->state[D];
-  fix.covariance = factor.inverse();
-  fix.chi_squared =
-      pseudorange_normal<S, D>(view, roots->center, roots->mean_pseudorange, found->state)
-          .chi_squared;
-  fix.degrees_of_freedom = freedom;
-  if (!all_finite(fix.position) || !std::isfinite(fix.bias) || !all_finite(fix.covariance) ||
-      !std::isfinite(fix.chi_squared)) {
-    return std::unexpected(Error::NumericOverflow);
-  }
-  return fix;
+  return biased_fix_at<S, D>(view, *roots, *found);
 }
 
 /// Position and common bias [m] from n ≥ D + 1 pseudoranges: `RangeTo` whose ranges are distances
