@@ -9,6 +9,7 @@
 #include "uwbpos/frames/fuse_fixes.hpp"
 #include "uwbpos/solve/bancroft.hpp"
 #include "uwbpos/solve/exclude_outliers.hpp"
+#include "uwbpos/solve/fsri.hpp"
 #include "uwbpos/solve/locate.hpp"
 #include "uwbpos/solve/tdoa_chan.hpp"
 #include "uwbpos/solve/tdoa_fang.hpp"
@@ -38,6 +39,8 @@
       const Vec<S, D>&, DifferenceSpan<S, D>, S, const LocateOptions<S, D>&);                      \
   UWBPOS_INSTANCE Result<Fix<S, D>> detail::tdoa_least_squares<S, D>(PairSpan<S, D>,               \
                                                                      const LocateOptions<S, D>&);  \
+  UWBPOS_INSTANCE Result<FsriShot<S, kMaxFsriReceivers, D>> detail::solve_shot<S, D>(              \
+      std::span<const Vec<S, D>>, std::span<const S>, const FsriOptions<S, D>&);                   \
   UWBPOS_INSTANCE Result<ExclusionFix<S, D>> detail::locate_excluding<RangeTo<S, D>, S, D>(        \
       RangeSpan<S, D>, const LocateOptions<S, D>&, const ExclusionOptions<S>&);                    \
   UWBPOS_INSTANCE Result<ExclusionFix<S, D>> detail::locate_excluding<PairDifference<S, D>, S, D>( \
