@@ -193,7 +193,7 @@ class TrackKeeper {
     }
     std::optional<Measured<S>> heading = options.heading;
     if (fix.heading) heading = Measured<S>{*fix.heading, fix.covariance(D, D)};
-    if constexpr (requires { Motion::kSpeed; }) {
+    if constexpr (requires { requires Motion::kLooksAhead; }) {
       if (!heading) {
         S variance = S(0);
         for (int k = 0; k < D; ++k) variance += fix.covariance(k, k);

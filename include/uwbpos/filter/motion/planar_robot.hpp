@@ -3,10 +3,7 @@
 
 /// @file
 /// A robot on a floor that drives where it looks: state (x, y, ψ, v, ω), arcs of constant speed and
-/// turn rate,
-/// \f[ \binom{x'}{y'} = \binom{x}{y} + t\,v\,\mathrm{sinc}(h) \binom{\cos m}{\sin m}, \quad
-///     \psi' = \psi + \omega t; \qquad h = \tfrac{\omega t}{2},\; m = \psi + h, \tag{1} \f]
-/// disturbed by white forward and angular acceleration and, sideways, by slip. The noise of a step
+/// turn rate by (1) of planar_arc.hpp, disturbed by white forward and angular acceleration and, sideways, by slip. The noise of a step
 /// enters as in constant_velocity.hpp: half a step of it acts on what the rate moves.
 
 #include <cmath>
@@ -14,6 +11,7 @@
 
 #include "uwbpos/core/angle.hpp"
 #include "uwbpos/filter/factored_covariance.hpp"
+#include "uwbpos/filter/motion/planar_arc.hpp"
 #include "uwbpos/filter/motion/propagation.hpp"
 #include "uwbpos/model/lever_arm.hpp"
 
@@ -41,6 +39,7 @@ struct PlanarRobot {
   static constexpr int kPoseDof = 3;          ///< what a tag's place depends on
   static constexpr int kVelocityDof = 4;      ///< what the velocity depends on
   static constexpr bool kHasHeading = true;   ///< it looks somewhere
+  static constexpr bool kLooksAhead = true;   ///< and moves there
   static constexpr int kHeading = 2;          ///< where ψ is in the error
   static constexpr int kSpeed = 3;            ///< where v is
   static constexpr int kTurnRate = 4;         ///< where ω is
@@ -51,17 +50,13 @@ struct PlanarRobot {
   S height = S(0);             ///< of the body's origin [m]
   S gyro_sigma = S(0.02);      ///< of a gyro's turn rate, its bias included [rad/s]
 
-  /// Moves the state by `t` [s], (1). One sine and cosine, two more where it turns; no allocation.
+  /// Moves the state by `t` [s]. No allocation.
   [[nodiscard]] Propagation<S, 5, 5> propagate(State& state, const Input&, S t) const {
     const S speed = state[3];
-    const S half = state[4] * t / S(2);
-    // sin(h)/h and its derivative; the series' next terms are below rounding of float, and 1e-13.
-    const bool straight = std::abs(half) < S(1e-3);
-    const S sinc = straight ? S(1) - half * half / S(6) : std::sin(half) / half;
-    const S bend = straight ? -half / S(3) : (std::cos(half) - sinc) / half;
-    const S c = std::cos(state[2] + half);
-    const S s = std::sin(state[2] + half);
-    const S chord = t * speed * sinc;
+    const PlanarArc<S> arc = planar_arc<S>(state[2], state[4] * t / S(2));
+    const S c = arc.c;
+    const S s = arc.s;
+    const S chord = t * speed * arc.sinc;
     state[0] += chord * c;
     state[1] += chord * s;
     state[2] = wrap_angle(state[2] + state[4] * t);
@@ -69,10 +64,10 @@ struct PlanarRobot {
     Propagation<S, 5, 5> step;
     step.f(0, 2) = -chord * s;
     step.f(1, 2) = chord * c;
-    step.f(0, 3) = t * sinc * c;
-    step.f(1, 3) = t * sinc * s;
-    step.f(0, 4) = t / S(2) * (t * speed * bend * c - chord * s);
-    step.f(1, 4) = t / S(2) * (t * speed * bend * s + chord * c);
+    step.f(0, 3) = t * arc.sinc * c;
+    step.f(1, 3) = t * arc.sinc * s;
+    step.f(0, 4) = t / S(2) * (t * speed * arc.bend * c - chord * s);
+    step.f(1, 4) = t / S(2) * (t * speed * arc.bend * s + chord * c);
     step.f(2, 4) = t;
 
     const S along = acceleration * acceleration * t;
@@ -98,14 +93,14 @@ struct PlanarRobot {
 
   /// Where the tag at `lever` [m], in the body's frame, is [m].
   [[nodiscard]] Vec<S, 3> place(const State& state, const Vec<S, 3>& lever) const {
-    const Vec<S, 3> arm = turned(state, lever);
+    const Vec<S, 3> arm = planar_arm<S>(state[2], lever);
     return {state[0] + arm[0], state[1] + arm[1], height + arm[2]};
   }
 
   /// The gradient of something that has gradient `g` with respect to the tag's place.
   [[nodiscard]] Vec<S, 3> place_row(const State& state, const Vec<S, 3>& lever,
                                     const Vec<S, 3>& g) const {
-    return {g[0], g[1], heading_gradient(turned(state, lever), g)};
+    return {g[0], g[1], heading_gradient<S>(planar_arm<S>(state[2], lever), g)};
   }
 
   /// In axes of the map [m/s].
@@ -142,13 +137,6 @@ struct PlanarRobot {
             state[3],
             state[4],
             p};
-  }
-
- private:
-  [[nodiscard]] static Vec<S, 3> turned(const State& state, const Vec<S, 3>& lever) {
-    const S c = std::cos(state[2]);
-    const S s = std::sin(state[2]);
-    return {c * lever[0] - s * lever[1], s * lever[0] + c * lever[1], lever[2]};
   }
 };
 
