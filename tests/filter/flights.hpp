@@ -42,8 +42,8 @@ inline double hall_range(std::uint32_t id, const Vec<double, 3>& place) {
   return (place - hall_anchor(id)).norm();
 }
 
-/// A point driven by white acceleration, held near the hall's middle by a weak spring. Moved in
-/// steps of a slot.
+/// A point driven by white acceleration, for some ten seconds within the hall. Moved in steps of a
+/// slot.
 class Wanderer {
  public:
   Wanderer(sim::Random& random, double acceleration) : random_{random}, motion_{acceleration} {
