@@ -23,7 +23,7 @@ struct FirstReading {
   Vec<S, 3> b;         ///< [m]
   Vec<S, 3> lever;     ///< of the tag, turned so that z is up [m]
   S value;             ///< [m]
-  S variance;          ///< with that of its age [m²]
+  S variance;          ///< with those of its age and bias [m²]
   bool is_difference;  ///< else a range
 };
 
@@ -41,10 +41,12 @@ struct FirstReadings {
 };
 
 /// Gathers from events, oldest first, those within `window` [µs] before the last. `speed_sigma`:
-/// of an unknown motion [m/s]. O(n²) in the events of the window.
+/// of an unknown motion [m/s]; `bias_variance`: of an anchor's unknown bias [m²]. O(n²) in the
+/// events of the window.
 template <class S>
 [[nodiscard]] FirstReadings<S> gather_first_readings(std::span<const Event<S>> events,
-                                                     std::int64_t window, S speed_sigma) {
+                                                     std::int64_t window, S speed_sigma,
+                                                     S bias_variance) {
   FirstReadings<S> set;
   if (events.empty()) return set;
   const std::int64_t now = events.back().time;
@@ -71,9 +73,10 @@ template <class S>
       }
       if (!fresh) continue;
       const S age = seconds_between<S>(event.time, now) * speed_sigma;
+      const S unknown = age * age + (arrival->is_difference ? S(2) : S(1)) * bias_variance;
       taken[static_cast<std::size_t>(set.count)] = arrival;
       set.readings[static_cast<std::size_t>(set.count++)] = {
-          arrival->a,     arrival->b, arrival->lever, arrival->value, arrival->variance + age * age,
+          arrival->a,     arrival->b, arrival->lever, arrival->value, arrival->variance + unknown,
           arrival->is_difference};
       if (!arrival->is_difference) ++set.ranges;
       set.span = now - event.time;

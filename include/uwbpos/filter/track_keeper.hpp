@@ -165,8 +165,9 @@ class TrackKeeper {
   // Begins a track at the last event if the recent ones agree on a place.
   [[nodiscard]] bool begin() {
     const std::int64_t time = window_.events().back().time;
-    const FirstReadings<S> set =
-        gather_first_readings<S>(window_.events(), options_.fix_window, options_.speed_sigma);
+    const S bias = Size.biases > 0 ? options_.model.bias_sigma : S(0);
+    const FirstReadings<S> set = gather_first_readings<S>(window_.events(), options_.fix_window,
+                                                          options_.speed_sigma, bias * bias);
     FirstFixOptions<S, D> options;
     options.locate = options_.locate;
     if (tracking_ && !options.locate.prior) {
