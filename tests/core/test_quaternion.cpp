@@ -3,9 +3,8 @@
 #include <limits>
 #include <numbers>
 
-#include <doctest/doctest.h>
-
 #include <Eigen/LU>
+#include <doctest/doctest.h>
 
 #include "uwbpos/core/quaternion.hpp"
 

@@ -115,8 +115,7 @@ struct CourseImu {
     for (int k = 0; k < 3; ++k) {
       const double rate = 2 * turn[1 + k] / 1e-4;
       const double spread = 1 / std::sqrt(period);
-      sample.gyro[k] =
-          static_cast<S>(rate + gyro_bias[k] + gyro_noise * spread * random.normal());
+      sample.gyro[k] = static_cast<S>(rate + gyro_bias[k] + gyro_noise * spread * random.normal());
       sample.accelerometer[k] = static_cast<S>(force[k] + accelerometer_bias[k] +
                                                accelerometer_noise * spread * random.normal());
     }

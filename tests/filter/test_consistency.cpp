@@ -57,8 +57,8 @@ void check_inside(const std::string& what, const Consistency& c, int dimension) 
 
 // Both outside.
 void check_outside(const Consistency& c, int dimension) {
-  CHECK_FALSE(test::mean_nees_interval(dimension, c.nees.size(), 0.95).contains(
-      test::mean(c.nees)));
+  CHECK_FALSE(
+      test::mean_nees_interval(dimension, c.nees.size(), 0.95).contains(test::mean(c.nees)));
   CHECK_FALSE(test::mean_nees_interval(1, c.nis.size(), 0.95).contains(test::mean(c.nis)));
 }
 
@@ -149,8 +149,7 @@ TEST_CASE("consistency: points seen by ranges, by differences, alone and shared"
 }
 
 TEST_CASE("consistency: noises believed wrong by three show") {
-  for (const Radio radio :
-       {Radio::Ranges, Radio::PairDifferences, Radio::SharedDifferences}) {
+  for (const Radio radio : {Radio::Ranges, Radio::PairDifferences, Radio::SharedDifferences}) {
     for (const double factor : {1.0 / 3, 3.0}) {
       check_outside(wander(radio, factor, 1, kFewRuns), 6);
       check_outside(wander(radio, 1, factor, kFewRuns), 6);
@@ -161,7 +160,8 @@ TEST_CASE("consistency: noises believed wrong by three show") {
 TEST_CASE("consistency: bodies with an inertial unit") {
   check_inside("inertial, ranges", fly(Radio::Ranges, 1, 1, kRuns), 6);
   check_inside("inertial, differences of pairs", fly(Radio::PairDifferences, 1, 1, kRuns), 6);
-  check_inside("inertial, differences of one arrival", fly(Radio::SharedDifferences, 1, 1, kRuns), 6);
+  check_inside("inertial, differences of one arrival", fly(Radio::SharedDifferences, 1, 1, kRuns),
+               6);
 }
 
 TEST_CASE("consistency: noises of bodies with an inertial unit believed wrong by three show") {

@@ -2,9 +2,8 @@
 #include <cmath>
 #include <limits>
 
-#include <doctest/doctest.h>
-
 #include <Eigen/LU>
+#include <doctest/doctest.h>
 
 #include "uwbpos/filter/kalman.hpp"
 #include "uwbpos/sim/noise.hpp"
@@ -148,7 +147,8 @@ TEST_CASE("kalman: a hundred thousand updates in float are as many in double") {
     const double innovation = random.normal(0, 0.1);
     single.filter.predict(single.f, single.g, single.q);
     precise.filter.predict(precise.f, precise.g, precise.q);
-    REQUIRE(precise.filter.update(innovation - row.dot(precise.filter.state.head<3>()), row, noise));
+    REQUIRE(
+        precise.filter.update(innovation - row.dot(precise.filter.state.head<3>()), row, noise));
     const Vec<float, 3> row_f = row.cast<float>();
     REQUIRE(single.filter.update(
         static_cast<float>(innovation) - row_f.dot(single.filter.state.head<3>()), row_f,

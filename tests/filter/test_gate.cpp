@@ -40,7 +40,8 @@ TEST_CASE_TEMPLATE("gate: statistics let through what their quantile says", S, f
       if (check_statistics(options, static_cast<S>(square), dimension)) ++refused;
     }
     // ± 4 standard deviations of a count, and 6 % of the quantile, which is 15 % of the share.
-    CHECK(std::abs(refused - 0.02275 * kTrials) < 4 * std::sqrt(0.022 * kTrials) + 0.0034 * kTrials);
+    CHECK(std::abs(refused - 0.02275 * kTrials) <
+          4 * std::sqrt(0.022 * kTrials) + 0.0034 * kTrials);
   }
 }
 

@@ -184,8 +184,7 @@ TEST_CASE_TEMPLATE("motion: an inertial body turns, falls and coasts", S, float,
   const Inertial<S> motion;
   InertialState<S> state;
   // On a turntable at rest: half a turn in a second.
-  InertialInput<S> input{
-      {S(0), S(0), std::numbers::pi_v<S>}, {S(0), S(0), motion.gravity}, S(0)};
+  InertialInput<S> input{{S(0), S(0), std::numbers::pi_v<S>}, {S(0), S(0), motion.gravity}, S(0)};
   for (int i = 0; i < 200; ++i) static_cast<void>(motion.propagate(state, input, S(0.005)));
   CHECK(state.position.norm() < S(1e-4));
   CHECK(std::abs(std::abs(motion.heading(state)) - std::numbers::pi_v<S>) < S(1e-4));
@@ -200,7 +199,8 @@ TEST_CASE_TEMPLATE("motion: an inertial body turns, falls and coasts", S, float,
   input.age = S(5);
   const auto blind = motion.propagate(state, input, S(0.5));
   CHECK(state.position[0] == doctest::Approx(0.5));
-  CHECK(blind.q[0] == doctest::Approx(S(0.5) * motion.blind_acceleration * motion.blind_acceleration));
+  CHECK(blind.q[0] ==
+        doctest::Approx(S(0.5) * motion.blind_acceleration * motion.blind_acceleration));
 }
 
 TEST_CASE_TEMPLATE("motion: an inertial body begins upright and looks where told", S, float,

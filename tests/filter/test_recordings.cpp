@@ -10,9 +10,9 @@
 
 #include <doctest/doctest.h>
 
+#include "uwbpos/filter/motion/constant_velocity.hpp"
 #include "uwbpos/filter/motion/planar_body.hpp"
 #include "uwbpos/filter/tracker.hpp"
-#include "uwbpos/filter/motion/constant_velocity.hpp"
 
 #include "support/data.hpp"
 #include "support/statistics.hpp"
@@ -83,7 +83,8 @@ std::int64_t microseconds(double t) { return std::llround(t * 1e6); }
 
 }  // namespace
 
-TEST_CASE("recordings: a trolley with three tags, biases of its links known from a recording at rest") {
+TEST_CASE(
+    "recordings: a trolley with three tags, biases of its links known from a recording at rest") {
   const auto folder = test::data_or_skip("lias", "a trolley followed by its three tags");
   if (!folder) return;
   const auto anchors = points(*folder / "anchors.csv");
@@ -124,9 +125,9 @@ TEST_CASE("recordings: a trolley with three tags, biases of its links known from
     const Row& r = readings[i];
     const int tag = static_cast<int>(r[1]);
     const int anchor = static_cast<int>(r[2]);
-    static_cast<void>(tracker.update(TimedRange<double>{
-        microseconds(r[0]), static_cast<std::uint32_t>(anchor), r[3] - bias.at({tag, anchor}), 0.08,
-        static_cast<std::uint32_t>(tag)}));
+    static_cast<void>(tracker.update(
+        TimedRange<double>{microseconds(r[0]), static_cast<std::uint32_t>(anchor),
+                           r[3] - bias.at({tag, anchor}), 0.08, static_cast<std::uint32_t>(tag)}));
     const bool last_of_epoch = i + 1 == readings.size() || readings[i + 1][0] != r[0];
     if (!last_of_epoch || !truth.covers(r[0])) continue;
     const auto pose = tracker.pose();

@@ -48,8 +48,8 @@ TrackerOptions<PlanarRobot<S>> robot_options() {
 }
 
 template <class S>
-Robot<S> robot(bool with_tags = true, const TrackerOptions<PlanarRobot<S>>& options =
-                                          robot_options<S>()) {
+Robot<S> robot(bool with_tags = true,
+               const TrackerOptions<PlanarRobot<S>>& options = robot_options<S>()) {
   Robot<S> tracker{options};
   test::hang_anchors(tracker);
   for (std::uint32_t tag = 0; tag < 2 && with_tags; ++tag) {
@@ -288,9 +288,8 @@ TEST_CASE("tracker: float follows double within a millimetre, hours after the ep
     range.time += epoch;
     range.range = static_cast<double>(static_cast<float>(range.range));
     const auto a = precise.update(range);
-    const auto b = single.update(TimedRange<float>{range.time, range.anchor,
-                                                   static_cast<float>(range.range), 0.05f,
-                                                   range.tag});
+    const auto b = single.update(TimedRange<float>{
+        range.time, range.anchor, static_cast<float>(range.range), 0.05f, range.tag});
     CHECK(a.has_value() == b.has_value());
   }
   const auto a = precise.pose();

@@ -32,8 +32,8 @@ TEST_CASE_TEMPLATE("tracker kinds: a point on the floor, by differences alone", 
   for (; time < 6'000'000; time += test::kSlot) {
     Vec<double, 3> place = course.position(at_seconds(time));
     place[2] = 1.2;
-    test::measure(Radio::PairDifferences, time, place, 0.05, 0.05, random, tracker,
-                  test::unspoiled, [](auto, const auto&) {});
+    test::measure(Radio::PairDifferences, time, place, 0.05, 0.05, random, tracker, test::unspoiled,
+                  [](auto, const auto&) {});
   }
   const auto pose = tracker.pose();
   REQUIRE(pose);
@@ -136,13 +136,11 @@ TEST_CASE("tracker kinds: float follows double in flight, with an inertial unit 
         ImuSample<float>{time, sample.gyro.cast<float>(), sample.accelerometer.cast<float>()}));
     if (time % test::kSlot != 0) continue;
     const double t = at_seconds(time);
-    const Vec<double, 3> place =
-        course.position(t) + rotate<double>(course.orientation(t), lever);
+    const Vec<double, 3> place = course.position(t) + rotate<double>(course.orientation(t), lever);
     const auto id = static_cast<std::uint32_t>(time / test::kSlot) % test::kHallAnchors;
     const double range = test::hall_range(id, place) + random.normal(0, 0.05);
     const auto a = precise.update(TimedRange<double>{time, id, range, 0.05});
-    const auto b =
-        single.update(TimedRange<float>{time, id, static_cast<float>(range), 0.05f});
+    const auto b = single.update(TimedRange<float>{time, id, static_cast<float>(range), 0.05f});
     CHECK(a.has_value() == b.has_value());
   }
   const auto a = precise.pose();

@@ -19,7 +19,7 @@ using test::Radio;
 
 constexpr double kSigma = 0.1;
 constexpr std::int64_t kEnd = 30'000'000;  // [µs]
-constexpr double kAcceleration = 1;  // what the course does in a second, about
+constexpr double kAcceleration = 1;        // what the course does in a second, about
 
 struct Outcome {
   std::vector<double> errors;  // from two seconds on

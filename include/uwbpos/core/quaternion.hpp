@@ -43,8 +43,8 @@ template <class S>
   const S half = norm(turn) / S(2);
   // sin(x)/x to rounding below a twentieth of a radian: 1 − x²/6 + x⁴/120, next term 3e-12.
   const S square = half * half;
-  const S ratio = half < S(0.05) ? S(1) - square / S(6) * (S(1) - square / S(20))
-                                 : std::sin(half) / half;
+  const S ratio =
+      half < S(0.05) ? S(1) - square / S(6) * (S(1) - square / S(20)) : std::sin(half) / half;
   const S scale = ratio / S(2);
   return normalised<S>({std::cos(half), scale * turn[0], scale * turn[1], scale * turn[2]});
 }

@@ -173,8 +173,8 @@ template <class Motion, int Biases, class S>
   } else if (event.kind == Kind::Heading) {
     if constexpr (Motion::kHasHeading) {
       const S off = angle_difference(event.value, model.motion.heading(track.state));
-      return gated_correct(track, model, model.motion.heading_row(track.state), off,
-                           event.variance, S(0));
+      return gated_correct(track, model, model.motion.heading_row(track.state), off, event.variance,
+                           S(0));
     }
   } else if constexpr (requires { Motion::kSpeed; }) {
     const int place = event.kind == Kind::Speed ? Motion::kSpeed : Motion::kTurnRate;
@@ -194,8 +194,8 @@ template <class Motion, int Biases, class S>
                                           const TimedPosition<S>& event,
                                           std::span<const Event<S>>) {
   constexpr int D = Motion::kDimension;
-  const auto noise = FactoredCovariance<S, D>::from_matrix(
-      event.covariance.template topLeftCorner<D, D>().eval());
+  const auto noise =
+      FactoredCovariance<S, D>::from_matrix(event.covariance.template topLeftCorner<D, D>().eval());
   if (!noise) return std::unexpected(noise.error());
   const auto off = [&](const Track<Motion, Biases>& at) {
     const Vec<S, 3> place = model.motion.place(at.state, Vec<S, 3>::Zero().eval());

@@ -15,19 +15,20 @@
 /// If h is zero beyond its first M entries, so is f: columns M … N−1 of L and d do not change, and
 /// (3) costs M·N, not N².
 ///
-/// **Time.** \f$ P \leftarrow F P F^T + G\,\mathrm{diag}(q)\,G^T = W\,\mathrm{diag}(w)\,W^T \f$ with
-/// W = [F L, G], w = (d, q): Gram and Schmidt's orthogonalisation, modified, of the rows of W with
-/// weights w,
+/// **Time.** \f$ P \leftarrow F P F^T + G\,\mathrm{diag}(q)\,G^T = W\,\mathrm{diag}(w)\,W^T \f$
+/// with W = [F L, G], w = (d, q): Gram and Schmidt's orthogonalisation, modified, of the rows of W
+/// with weights w,
 ///   (4) \f$ d_j = W_j w W_j^T,\quad L_{ij} = W_i w W_j^T / d_j,\quad W_i \leftarrow W_i - L_{ij}
 ///       W_j,\ i > j \f$.
 ///
-/// **Why it is sound in float.** P is symmetric because only L and d exist. It is positive because d
-/// is: (2) multiplies it by a ratio of two sums of positive terms, the smaller over the larger, and
-/// (4) makes it a sum of squares; neither ever subtracts. Rounding therefore changes P as
+/// **Why it is sound in float.** P is symmetric because only L and d exist. It is positive because
+/// d is: (2) multiplies it by a ratio of two sums of positive terms, the smaller over the larger,
+/// and (4) makes it a sum of squares; neither ever subtracts. Rounding therefore changes P as
 /// relatively small changes of the data would, whatever the number of updates; the textbook's
-/// P − K s Kᵀ loses that as soon as P's condition nears 1/ε = 8·10⁶. Over 10⁷ float updates of a
-/// nine-state filter its standard deviations stay within 1e-4 of a double's
-/// (bench/bench_kalman.cpp).
+/// P − K s Kᵀ loses that as soon as P's condition nears 1/ε = 8·10⁶. Over 10⁷ float steps and
+/// updates of nine states, standard deviations stay within 2e-6 of a double filter's and states
+/// within 5e-4 of one (bench/bench_kalman.cpp). On a Cortex-M4F an update of six states by a
+/// position takes 363 instructions.
 
 #include <cmath>
 
@@ -39,9 +40,9 @@ namespace uwbpos {
 /// A measurement's row seen through the covariance: f, g and hᵀPh of (1).
 template <class S, int M>
 struct ProjectedRow {
-  Vec<S, M> f;         ///< Lᵀh
-  Vec<S, M> g;         ///< d ∘ f
-  S variance = S(0);   ///< hᵀPh
+  Vec<S, M> f;        ///< Lᵀh
+  Vec<S, M> g;        ///< d ∘ f
+  S variance = S(0);  ///< hᵀPh
 };
 
 /// P = L·diag(d)·Lᵀ of N states. Invariant: every d is positive or zero; all that is done to it

@@ -35,17 +35,18 @@ struct FirstFix {
 /// What is known beforehand.
 template <class S, int D>
 struct FirstFixOptions {
-  S height = S(0);                   ///< of the body, D = 2 [m]
-  LocateOptions<S, D> locate{};      ///< side or prior, against mirror images
+  S height = S(0);                                    ///< of the body, D = 2 [m]
+  LocateOptions<S, D> locate{};                       ///< side or prior, against mirror images
   std::optional<Measured<S>> heading = std::nullopt;  ///< a heading known [rad], [rad²]
-  bool wants_heading = false;        ///< look for one
+  bool wants_heading = false;                         ///< look for one
 };
 
 namespace detail {
 
 // A position to descend from, by locate.
 template <class S, int D>
-Result<Vec<S, D>> first_position(const FirstReadings<S>& set, const FirstFixOptions<S, D>& options) {
+Result<Vec<S, D>> first_position(const FirstReadings<S>& set,
+                                 const FirstFixOptions<S, D>& options) {
   const bool by_ranges = set.ranges > D || set.ranges == set.count;
   const auto flat = [](const Vec<S, 3>& v) { return Vec<S, D>{v.template head<D>()}; };
   int n = 0;
@@ -66,9 +67,9 @@ Result<Vec<S, D>> first_position(const FirstReadings<S>& set, const FirstFixOpti
       }
       ranges[static_cast<std::size_t>(n++)] = range;
     }
-    const auto fix = locate_excluding(
-        std::span<const RangeTo<S, D>>{ranges.data(), static_cast<std::size_t>(n)}, options.locate,
-        exclusion);
+    const auto fix =
+        locate_excluding(std::span<const RangeTo<S, D>>{ranges.data(), static_cast<std::size_t>(n)},
+                         options.locate, exclusion);
     if (!fix) return std::unexpected(fix.error());
     return fix->fix.position;
   }
@@ -173,8 +174,8 @@ Result<Minimum<S, N>> descend_pose(PoseReadings<S, D, N>& readings, const Vec<S,
 }
 
 template <class S, int D, int N>
-Result<FirstFix<S, D>> first_pose(const FirstReadings<S>& set,
-                                  const FirstFixOptions<S, D>& options, const Vec<S, D>& position) {
+Result<FirstFix<S, D>> first_pose(const FirstReadings<S>& set, const FirstFixOptions<S, D>& options,
+                                  const Vec<S, D>& position) {
   PoseReadings<S, D, N> readings{set, options, Vec<S, 3>::Zero(), 0};
   for (int i = 0; i < set.count; ++i) {
     readings.center += set.readings[static_cast<std::size_t>(i)].b / static_cast<S>(set.count);
@@ -198,8 +199,8 @@ Result<FirstFix<S, D>> first_pose(const FirstReadings<S>& set,
       return m.chi_squared + S(25 * (set.count - std::popcount(mask)));
     };
     const bool same =
-        best && (N == D || std::abs(angle_difference<S>(found->state[N - 1],
-                                                        best->state[N - 1])) < S(0.1));
+        best &&
+        (N == D || std::abs(angle_difference<S>(found->state[N - 1], best->state[N - 1])) < S(0.1));
     if (!best || cost(*found, readings.kept) < cost(*best, kept)) {
       if (best && !same) second = std::min(second, cost(*best, kept));
       best = found;
@@ -213,8 +214,7 @@ Result<FirstFix<S, D>> first_pose(const FirstReadings<S>& set,
   const int freedom = used + (options.heading ? 1 : 0) - N;
   const Ldlt<S, N> factor{best->information};
   constexpr S kSigmas = S(3);
-  const bool believed = freedom >= 1 && 3 * used >= 2 * set.count &&
-                        factor.positive_definite() &&
+  const bool believed = freedom >= 1 && 3 * used >= 2 * set.count && factor.positive_definite() &&
                         best->chi_squared <= chi_squared_gate(freedom, kSigmas);
   if (!believed) return std::unexpected(Error::NotYetLocated);
   // Another heading must be nine less likely in χ², as mirror images.

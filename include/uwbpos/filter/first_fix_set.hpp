@@ -75,9 +75,12 @@ template <class S>
       const S age = seconds_between<S>(event.time, now) * speed_sigma;
       const S unknown = age * age + (arrival->is_difference ? S(2) : S(1)) * bias_variance;
       taken[static_cast<std::size_t>(set.count)] = arrival;
-      set.readings[static_cast<std::size_t>(set.count++)] = {
-          arrival->a,     arrival->b, arrival->lever, arrival->value, arrival->variance + unknown,
-          arrival->is_difference};
+      set.readings[static_cast<std::size_t>(set.count++)] = {arrival->a,
+                                                             arrival->b,
+                                                             arrival->lever,
+                                                             arrival->value,
+                                                             arrival->variance + unknown,
+                                                             arrival->is_difference};
       if (!arrival->is_difference) ++set.ranges;
       set.span = now - event.time;
     }

@@ -38,17 +38,17 @@ struct TrackModel {
 /// State of `Motion` and biases of up to `Biases` anchors at `time`.
 template <class Motion, int Biases>
 struct Track {
-  using S = typename Motion::Scalar;                ///< float or double
-  static constexpr int kBias = Motion::kDof;        ///< where the biases begin
+  using S = typename Motion::Scalar;                  ///< float or double
+  static constexpr int kBias = Motion::kDof;          ///< where the biases begin
   static constexpr int kDof = Motion::kDof + Biases;  ///< of all
 
-  std::int64_t time = 0;                        ///< [µs]
-  std::int64_t used_at = 0;                     ///< when something was last used [µs]
-  S position_variance = S(0);                   ///< tr P₀ then [m²]
-  typename Motion::State state{};               ///< of the body
-  typename Motion::Input input{};               ///< that drives it
+  std::int64_t time = 0;                         ///< [µs]
+  std::int64_t used_at = 0;                      ///< when something was last used [µs]
+  S position_variance = S(0);                    ///< tr P₀ then [m²]
+  typename Motion::State state{};                ///< of the body
+  typename Motion::Input input{};                ///< that drives it
   Vec<S, Biases> bias = Vec<S, Biases>::Zero();  ///< of ranges, estimate minus truth [m]
-  FactoredCovariance<S, kDof> covariance;       ///< of the errors of state and biases
+  FactoredCovariance<S, kDof> covariance;        ///< of the errors of state and biases
 };
 
 /// Seconds from `from` to `to`, exact until the division: float loses nothing of the epoch.

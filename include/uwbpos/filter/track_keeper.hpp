@@ -144,8 +144,8 @@ class TrackKeeper {
   }
 
   // A robot that drives where it looks, from where it was first seen to where it is.
-  [[nodiscard]] std::optional<Measured<S>> heading_of_motion(const Vec<S, D>& position,
-                                                             S variance, std::int64_t time) {
+  [[nodiscard]] std::optional<Measured<S>> heading_of_motion(const Vec<S, D>& position, S variance,
+                                                             std::int64_t time) {
     constexpr S kSigmas = S(6);
     if (departure_ && !beyond_gap(departed_at_, time)) {
       const Vec<S, D> way = position - *departure_;
@@ -172,7 +172,8 @@ class TrackKeeper {
     options.locate = options_.locate;
     if (tracking_ && !options.locate.prior) {
       options.locate.prior = options_.model.motion.place(head_.state, Vec<S, 3>::Zero().eval())
-                                 .template head<D>().eval();
+                                 .template head<D>()
+                                 .eval();
     }
     if constexpr (requires { options_.model.motion.height; }) {
       options.height = options_.model.motion.height;
@@ -206,8 +207,8 @@ class TrackKeeper {
     return true;
   }
 
-  void begin_at(const FirstFix<S, D>& fix, const Measured<S>& heading,
-                const FirstReadings<S>& set, std::int64_t time) {
+  void begin_at(const FirstFix<S, D>& fix, const Measured<S>& heading, const FirstReadings<S>& set,
+                std::int64_t time) {
     constexpr int n = Motion::kDof;
     Beginning<S> beginning{.position = Vec<S, 3>::Zero(), .heading = heading.value};
     beginning.position.template head<D>() = fix.position;

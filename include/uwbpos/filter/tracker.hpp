@@ -53,12 +53,12 @@ class Tracker {
   }
 
   /// A measurement of any kind. Errors after which nothing has changed: UnknownAnchor, UnknownTag,
-  /// NotFinite, NonPositiveSigma, NegativeRange, ImpossibleDifference, DuplicateAnchor (a difference
-  /// of an anchor to itself), InvalidCovariance, InvalidOption (the options, or a kind that the
-  /// motion has no use for). TooOld: from before what is remembered. GapTooLong: later than
-  /// `max_gap` after the last. ClockJump: the eighth in a row of either; what was known is
-  /// forgotten, the next measurements give a first fix. Unreachable, OutlierRejected: refused by the
-  /// gate. The newest costs O(N³), a late one as much once more for each measurement after it.
+  /// NotFinite, NonPositiveSigma, NegativeRange, ImpossibleDifference, DuplicateAnchor (a
+  /// difference of an anchor to itself), InvalidCovariance, InvalidOption (the options, or a kind
+  /// that the motion has no use for). TooOld: from before what is remembered. GapTooLong: later
+  /// than `max_gap` after the last. ClockJump: the eighth in a row of either; what was known is
+  /// forgotten, the next measurements give a first fix. Unreachable, OutlierRejected: refused by
+  /// the gate. The newest costs O(N³), a late one as much once more for each measurement after it.
   [[nodiscard]] Told update(const TimedRange<S>& m) {
     return arrival(m.time, m.tag, m.anchor, m.range, m.sigma, std::nullopt, false);
   }
@@ -117,9 +117,9 @@ class Tracker {
     return keeper_.options().model.motion.pose(at->time, at->state, at->covariance);
   }
 
-  /// The bias of an anchor's ranges [m], estimate minus truth. Errors: NotYetLocated; UnknownAnchor,
-  /// one without an estimate; NotYetTracked, not observed: the measurements have not yet told half
-  /// of its variance.
+  /// The bias of an anchor's ranges [m], estimate minus truth. Errors: NotYetLocated;
+  /// UnknownAnchor, one without an estimate; NotYetTracked, not observed: the measurements have not
+  /// yet told half of its variance.
   [[nodiscard]] Result<Measured<S>> bias(std::uint32_t anchor) const {
     if (!keeper_.tracking()) return std::unexpected(Error::NotYetLocated);
     for (int k = 0; k < biases_; ++k) {

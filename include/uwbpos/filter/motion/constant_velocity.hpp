@@ -31,13 +31,13 @@ struct MovingPoint {
 template <class S, int D>
 struct ConstantVelocity {
   static_assert(D == 2 || D == 3);
-  using Scalar = S;                          ///< float or double
-  using State = Vec<S, 2 * D>;               ///< position [m], velocity [m/s]
-  using Input = NoInput;                     ///< nothing drives it
-  using Pose = MovingPoint<S, D>;            ///< what a tracker tells
-  static constexpr int kDof = 2 * D;         ///< of the state's error
-  static constexpr int kDimension = D;       ///< of the position
-  static constexpr int kPoseDof = D;         ///< what a tag's place depends on
+  using Scalar = S;                           ///< float or double
+  using State = Vec<S, 2 * D>;                ///< position [m], velocity [m/s]
+  using Input = NoInput;                      ///< nothing drives it
+  using Pose = MovingPoint<S, D>;             ///< what a tracker tells
+  static constexpr int kDof = 2 * D;          ///< of the state's error
+  static constexpr int kDimension = D;        ///< of the position
+  static constexpr int kPoseDof = D;          ///< what a tag's place depends on
   static constexpr int kVelocityDof = 2 * D;  ///< what the velocity depends on
   static constexpr bool kHasHeading = false;  ///< it looks nowhere
 

@@ -67,17 +67,17 @@ struct Inertial {
   static constexpr bool kHasHeading = true;  ///< it looks somewhere
   static constexpr int kHeading = 5;         ///< where the turn about z is in the error
 
-  S accelerometer_noise = S(0.05);     ///< density of n_a, vibration included [m/s²/√Hz]
-  S gyro_noise = S(0.005);             ///< density of n_g [rad/s/√Hz]
-  S accelerometer_wander = S(0.002);   ///< of b_a [m/s²/√s]
-  S gyro_wander = S(1e-4);             ///< of b_g [rad/s/√s]
+  S accelerometer_noise = S(0.05);      ///< density of n_a, vibration included [m/s²/√Hz]
+  S gyro_noise = S(0.005);              ///< density of n_g [rad/s/√Hz]
+  S accelerometer_wander = S(0.002);    ///< of b_a [m/s²/√s]
+  S gyro_wander = S(1e-4);              ///< of b_g [rad/s/√s]
   S accelerometer_bias_sigma = S(0.2);  ///< of b_a at first [m/s²]
   S gyro_bias_sigma = S(0.02);          ///< of b_g at first [rad/s]
-  S tilt_sigma = S(0.1);               ///< of roll and pitch at first [rad]
-  S gravity = S(9.80665);              ///< |g|, down the map's −z [m/s²]
-  S max_silence = S(0.1);              ///< longest time that a sample is held [s]
-  S blind_acceleration = S(3);         ///< density of the unknown acceleration [m/s²/√Hz]
-  S blind_turn = S(1);                 ///< density of the unknown turn rate [rad/s/√Hz]
+  S tilt_sigma = S(0.1);                ///< of roll and pitch at first [rad]
+  S gravity = S(9.80665);               ///< |g|, down the map's −z [m/s²]
+  S max_silence = S(0.1);               ///< longest time that a sample is held [s]
+  S blind_acceleration = S(3);          ///< density of the unknown acceleration [m/s²/√Hz]
+  S blind_turn = S(1);                  ///< density of the unknown turn rate [rad/s/√Hz]
 
   /// Moves the state by `t` [s], (1) and (2). No allocation.
   [[nodiscard]] Propagation<S, 15, 15> propagate(State& state, const Input& input, S t) const {
@@ -108,9 +108,8 @@ struct Inertial {
       }
     }
     // θ × force, as a matrix of θ.
-    const S cross[3][3] = {{S(0), force[2], -force[1]},
-                           {-force[2], S(0), force[0]},
-                           {force[1], -force[0], S(0)}};
+    const S cross[3][3] = {
+        {S(0), force[2], -force[1]}, {-force[2], S(0), force[0]}, {force[1], -force[0], S(0)}};
     for (int k = 0; k < 3; ++k) {
       for (int m = 0; m < 3; ++m) {
         step.f(6 + k, 3 + m) = t * cross[k][m];

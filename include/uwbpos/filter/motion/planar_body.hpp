@@ -32,25 +32,25 @@ struct BodyPose {
 /// The planar body. Odometry (forward) and gyro are measurements of u and ω, both optional.
 template <class S>
 struct PlanarBody {
-  using Scalar = S;                          ///< float or double
-  using State = Vec<S, 6>;                   ///< x, y [m], ψ [rad], u, w [m/s], ω [rad/s]
-  using Input = NoInput;                     ///< measurements drive it
-  using Pose = BodyPose<S>;                  ///< what a tracker tells
-  static constexpr int kDof = 6;             ///< of the state's error
-  static constexpr int kDimension = 2;       ///< of the position
-  static constexpr int kPoseDof = 3;         ///< what a tag's place depends on
-  static constexpr int kVelocityDof = 5;     ///< what the velocity depends on
-  static constexpr bool kHasHeading = true;  ///< it looks somewhere
+  using Scalar = S;                           ///< float or double
+  using State = Vec<S, 6>;                    ///< x, y [m], ψ [rad], u, w [m/s], ω [rad/s]
+  using Input = NoInput;                      ///< measurements drive it
+  using Pose = BodyPose<S>;                   ///< what a tracker tells
+  static constexpr int kDof = 6;              ///< of the state's error
+  static constexpr int kDimension = 2;        ///< of the position
+  static constexpr int kPoseDof = 3;          ///< what a tag's place depends on
+  static constexpr int kVelocityDof = 5;      ///< what the velocity depends on
+  static constexpr bool kHasHeading = true;   ///< it looks somewhere
   static constexpr bool kLooksAhead = false;  ///< and may move elsewhere
-  static constexpr int kHeading = 2;         ///< where ψ is in the error
-  static constexpr int kSpeed = 3;           ///< where u is
-  static constexpr int kTurnRate = 5;        ///< where ω is
+  static constexpr int kHeading = 2;          ///< where ψ is in the error
+  static constexpr int kSpeed = 3;            ///< where u is
+  static constexpr int kTurnRate = 5;         ///< where ω is
 
-  S acceleration = S(0.5);         ///< forward [m/s²/√Hz]
+  S acceleration = S(0.5);           ///< forward [m/s²/√Hz]
   S sideward_acceleration = S(0.5);  ///< sideward [m/s²/√Hz]
-  S turn_acceleration = S(1);      ///< angular [rad/s²/√Hz]
-  S height = S(0);                 ///< of the body's origin [m]
-  S gyro_sigma = S(0.02);          ///< of a gyro's turn rate, its bias included [rad/s]
+  S turn_acceleration = S(1);        ///< angular [rad/s²/√Hz]
+  S height = S(0);                   ///< of the body's origin [m]
+  S gyro_sigma = S(0.02);            ///< of a gyro's turn rate, its bias included [rad/s]
 
   /// Moves the state by `t` [s]. No allocation.
   [[nodiscard]] Propagation<S, 6, 6> propagate(State& state, const Input&, S t) const {

@@ -3,8 +3,9 @@
 
 /// @file
 /// A robot on a floor that drives where it looks: state (x, y, ψ, v, ω), arcs of constant speed and
-/// turn rate by (1) of planar_arc.hpp, disturbed by white forward and angular acceleration and, sideways, by slip. The noise of a step
-/// enters as in constant_velocity.hpp: half a step of it acts on what the rate moves.
+/// turn rate by (1) of planar_arc.hpp, disturbed by white forward and angular acceleration and,
+/// sideways, by slip. The noise of a step enters as in constant_velocity.hpp: half a step of it
+/// acts on what the rate moves.
 
 #include <cmath>
 #include <cstdint>
@@ -30,19 +31,19 @@ struct RobotPose {
 /// The planar robot. Odometry and gyro are measurements of v and ω, both optional.
 template <class S>
 struct PlanarRobot {
-  using Scalar = S;                           ///< float or double
-  using State = Vec<S, 5>;                    ///< x, y [m], ψ [rad], v [m/s], ω [rad/s]
-  using Input = NoInput;                      ///< measurements drive it
-  using Pose = RobotPose<S>;                  ///< what a tracker tells
-  static constexpr int kDof = 5;              ///< of the state's error
-  static constexpr int kDimension = 2;        ///< of the position
-  static constexpr int kPoseDof = 3;          ///< what a tag's place depends on
-  static constexpr int kVelocityDof = 4;      ///< what the velocity depends on
-  static constexpr bool kHasHeading = true;   ///< it looks somewhere
-  static constexpr bool kLooksAhead = true;   ///< and moves there
-  static constexpr int kHeading = 2;          ///< where ψ is in the error
-  static constexpr int kSpeed = 3;            ///< where v is
-  static constexpr int kTurnRate = 4;         ///< where ω is
+  using Scalar = S;                          ///< float or double
+  using State = Vec<S, 5>;                   ///< x, y [m], ψ [rad], v [m/s], ω [rad/s]
+  using Input = NoInput;                     ///< measurements drive it
+  using Pose = RobotPose<S>;                 ///< what a tracker tells
+  static constexpr int kDof = 5;             ///< of the state's error
+  static constexpr int kDimension = 2;       ///< of the position
+  static constexpr int kPoseDof = 3;         ///< what a tag's place depends on
+  static constexpr int kVelocityDof = 4;     ///< what the velocity depends on
+  static constexpr bool kHasHeading = true;  ///< it looks somewhere
+  static constexpr bool kLooksAhead = true;  ///< and moves there
+  static constexpr int kHeading = 2;         ///< where ψ is in the error
+  static constexpr int kSpeed = 3;           ///< where v is
+  static constexpr int kTurnRate = 4;        ///< where ω is
 
   S acceleration = S(1);       ///< forward [m/s²/√Hz]
   S turn_acceleration = S(2);  ///< angular [rad/s²/√Hz]
