@@ -145,6 +145,33 @@ TEST_CASE_TEMPLATE("tracker: a late measurement leaves the same bits as one in t
   CHECK(shuffled.track().covariance.matrix() == in_order.track().covariance.matrix());
 }
 
+TEST_CASE_TEMPLATE("tracker: at the edge of its memory, the same bits or a refusal", S, float,
+                   double) {
+  const auto ranges = ranges_of_drive<S>(3, 0.05);
+  int taken = 0;
+  int refused = 0;
+  // Whatever the window's filling, lengths of wait on either side of what it holds.
+  for (std::size_t last = 200; last < 217; ++last) {
+    for (std::size_t wait = 44; wait < 68; ++wait) {
+      auto in_order = robot<S>();
+      auto late = robot<S>();
+      for (std::size_t i = 0; i < last; ++i) {
+        static_cast<void>(in_order.update(ranges[i]));
+        if (i != last - wait) static_cast<void>(late.update(ranges[i]));
+      }
+      const auto before = late.track();
+      const auto told = late.update(ranges[last - wait]);
+      const bool too_old = !told && told.error() == Error::TooOld;
+      ++(too_old ? refused : taken);
+      const auto& wanted = too_old ? before : in_order.track();
+      CHECK(late.track().state == wanted.state);
+      CHECK(late.track().covariance.matrix() == wanted.covariance.matrix());
+    }
+  }
+  CHECK(taken > 20);
+  CHECK(refused > 20);
+}
+
 TEST_CASE_TEMPLATE("tracker: what is older than its memory is refused by name", S, float, double) {
   auto tracker = robot<S>();
   const auto ranges = ranges_of_drive<S>(3, 0.05);

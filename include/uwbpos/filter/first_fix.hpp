@@ -4,22 +4,19 @@
 /// @file
 /// Where a track begins: the maximum-likelihood pose of the last measurements of a tracker, each
 /// with a variance that grows with its age, for the body moves at an unknown speed.
-/// `locate_excluding` gives the position to start from; the descent of solve/newton.hpp then takes
-/// lever arms, heights and slant ranges as they are, and where the tags can tell a heading starts
-/// from eight of them. Readings beyond five standard deviations are left out, twice over, and what
-/// is left must pass the χ² test.
+/// filter/first_position.hpp gives the position to start from; the descent of solve/newton.hpp then
+/// takes lever arms, heights and slant ranges as they are, and where the tags can tell a heading
+/// starts from eight of them. Readings beyond five standard deviations are left out, twice over,
+/// and what is left must pass the χ² test.
 
-#include <array>
 #include <bit>
 #include <cmath>
 #include <optional>
 
 #include "uwbpos/core/angle.hpp"
 #include "uwbpos/core/chi_squared.hpp"
-#include "uwbpos/filter/first_fix_set.hpp"
-#include "uwbpos/geometry/height.hpp"
+#include "uwbpos/filter/first_position.hpp"
 #include "uwbpos/model/lever_arm.hpp"
-#include "uwbpos/solve/exclude_outliers.hpp"
 
 namespace uwbpos {
 
@@ -32,68 +29,7 @@ struct FirstFix {
   int degrees_of_freedom;    ///< what it could be judged by
 };
 
-/// What is known beforehand.
-template <class S, int D>
-struct FirstFixOptions {
-  S height = S(0);                                    ///< of the body, D = 2 [m]
-  LocateOptions<S, D> locate{};                       ///< side or prior, against mirror images
-  std::optional<Measured<S>> heading = std::nullopt;  ///< a heading known [rad], [rad²]
-  bool wants_heading = false;                         ///< look for one
-};
-
 namespace detail {
-
-// A position to descend from, by locate.
-template <class S, int D>
-Result<Vec<S, D>> first_position(const FirstReadings<S>& set,
-                                 const FirstFixOptions<S, D>& options) {
-  const bool by_ranges = set.ranges > D || set.ranges == set.count;
-  const auto flat = [](const Vec<S, 3>& v) { return Vec<S, D>{v.template head<D>()}; };
-  int n = 0;
-  ExclusionOptions<S> exclusion;
-  exclusion.max_excluded = set.count / 3;
-  if (by_ranges) {
-    std::array<RangeTo<S, D>, static_cast<std::size_t>(kMaxMeasurements)> ranges;
-    for (int i = 0; i < set.count; ++i) {
-      const FirstReading<S>& r = set.readings[static_cast<std::size_t>(i)];
-      if (r.is_difference) continue;
-      const S arm = squared_norm<S, 3>(r.lever);
-      RangeTo<S, D> range{flat(r.b), r.value, std::sqrt(r.variance + arm)};
-      if constexpr (D == 2) {
-        const Result<Measured<S>> level =
-            horizontal_range<S>({r.value, r.variance + arm}, r.b[2], options.height + r.lever[2]);
-        range.range = level ? level->value : S(0);
-        range.sigma = level ? std::sqrt(level->variance) : std::abs(r.b[2] - options.height);
-      }
-      ranges[static_cast<std::size_t>(n++)] = range;
-    }
-    const auto fix =
-        locate_excluding(std::span<const RangeTo<S, D>>{ranges.data(), static_cast<std::size_t>(n)},
-                         options.locate, exclusion);
-    if (!fix) return std::unexpected(fix.error());
-    return fix->fix.position;
-  }
-  std::array<PairDifference<S, D>, static_cast<std::size_t>(kMaxMeasurements)> pairs;
-  for (int i = 0; i < set.count; ++i) {
-    const FirstReading<S>& r = set.readings[static_cast<std::size_t>(i)];
-    if (!r.is_difference) continue;
-    const S arm = squared_norm<S, 3>(r.lever);
-    pairs[static_cast<std::size_t>(n++)] = {flat(r.a), flat(r.b), r.value,
-                                            std::sqrt(r.variance + arm)};
-  }
-  const auto fix = locate_excluding(
-      std::span<const PairDifference<S, D>>{pairs.data(), static_cast<std::size_t>(n)},
-      options.locate, exclusion);
-  if (fix) return fix->fix.position;
-  if constexpr (D == 3) return std::unexpected(fix.error());
-  // Heights that the plane leaves out may have made them impossible; the middle will do.
-  Vec<S, D> middle = Vec<S, D>::Zero();
-  for (int i = 0; i < n; ++i) {
-    const PairDifference<S, D>& pair = pairs[static_cast<std::size_t>(i)];
-    middle += (pair.anchor_a + pair.anchor_b) / static_cast<S>(2 * n);
-  }
-  return middle;
-}
 
 // The readings against a pose (position, perhaps heading), all relative to `center`.
 template <class S, int D, int N>
@@ -239,7 +175,7 @@ template <class S, int D>
 [[nodiscard]] Result<FirstFix<S, D>> first_fix(const FirstReadings<S>& set,
                                                const FirstFixOptions<S, D>& options) {
   if (set.count <= D) return std::unexpected(Error::NotYetLocated);
-  const Result<Vec<S, D>> position = detail::first_position<S, D>(set, options);
+  const Result<Vec<S, D>> position = first_position<S, D>(set, options);
   if (!position) return std::unexpected(position.error());
   if (options.wants_heading && set.has_levers) {
     return detail::first_pose<S, D, D + 1>(set, options, *position);

@@ -36,7 +36,7 @@ class ReplayWindow {
   /// Puts an event after all those that are not later; the oldest stride makes room when there is
   /// none. Returns its place. O(Capacity) at worst, O(1) on average for the newest.
   int insert(const Event& event) {
-    if (size_ == Capacity) drop_oldest();
+    make_room();
     const auto later = [](std::int64_t time, const Event& e) { return time < e.time; };
     Event* const end = events_.data() + size_;
     Event* const place = std::upper_bound(events_.data(), end, event.time, later);
@@ -44,6 +44,14 @@ class ReplayWindow {
     *place = event;
     ++size_;
     return static_cast<int>(place - events_.data());
+  }
+
+  /// Drops the oldest stride if there is no room for another event.
+  void make_room() {
+    if (size_ < Capacity) return;
+    std::move(events_.begin() + Stride, events_.end(), events_.begin());
+    std::move(snapshots_.begin() + 1, snapshots_.end(), snapshots_.begin());
+    size_ -= Stride;
   }
 
   /// Whether a snapshot is to be taken before event `i`.
@@ -57,12 +65,6 @@ class ReplayWindow {
   void restart() { size_ = 0; }
 
  private:
-  void drop_oldest() {
-    std::move(events_.begin() + Stride, events_.end(), events_.begin());
-    std::move(snapshots_.begin() + 1, snapshots_.end(), snapshots_.begin());
-    size_ -= Stride;
-  }
-
   std::array<Event, static_cast<std::size_t>(Capacity)> events_{};
   std::array<Track, static_cast<std::size_t>(Capacity / Stride)> snapshots_{};
   int size_ = 0;

@@ -3,19 +3,18 @@
 
 /// @file
 /// The life of a track over a stream of events whose anchors are known by place: begun by
-/// filter/first_fix.hpp where recent events agree, corrected by filter/events.hpp, done over from a
-/// snapshot of filter/replay_window.hpp when an event comes late, begun anew when its gate has
-/// locked it out, when nothing was used for `max_gap`, or when the clock of the events was set.
+/// filter/track_begin.hpp where recent events agree, corrected by filter/apply_event.hpp, done over
+/// from a snapshot of filter/replay_window.hpp when an event comes late, begun anew when its gate
+/// has locked it out, when nothing was used for `max_gap`, or when the clock of the events was set.
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <type_traits>
 
-#include "uwbpos/filter/events.hpp"
-#include "uwbpos/filter/first_fix.hpp"
+#include "uwbpos/filter/apply_event.hpp"
 #include "uwbpos/filter/replay_window.hpp"
-#include "uwbpos/filter/tracker_options.hpp"
+#include "uwbpos/filter/track_begin.hpp"
 
 namespace uwbpos {
 
@@ -34,6 +33,7 @@ class TrackKeeper {
   /// Another event. Errors: TooOld, GapTooLong, ClockJump, Unreachable, OutlierRejected,
   /// NotFinite, as `Tracker::update` has them.
   [[nodiscard]] Told push(const Event<S>& event) {
+    window_.make_room();
     if (const auto error = stray(event.time)) return std::unexpected(*error);
     const int place = window_.insert(event);
     if (tracking_ && beyond_gap(head_.used_at, event.time)) tracking_ = false;
@@ -103,7 +103,7 @@ class TrackKeeper {
     strays_ = 0;
     tracking_ = false;
     window_.restart();
-    departure_.reset();
+    departure_.restart();
     return Error::ClockJump;
   }
 
@@ -143,25 +143,6 @@ class TrackKeeper {
     return options_.heading;
   }
 
-  // A robot that drives where it looks, from where it was first seen to where it is.
-  [[nodiscard]] std::optional<Measured<S>> heading_of_motion(const Vec<S, D>& position, S variance,
-                                                             std::int64_t time) {
-    constexpr S kSigmas = S(6);
-    if (departure_ && !beyond_gap(departed_at_, time)) {
-      const Vec<S, D> way = position - *departure_;
-      const S square = way[0] * way[0] + way[1] * way[1];
-      const S noise = variance + departure_variance_;
-      if (square > kSigmas * kSigmas * noise) {
-        return Measured<S>{std::atan2(way[1], way[0]), noise / square};
-      }
-      return std::nullopt;
-    }
-    departure_ = position;
-    departure_variance_ = variance;
-    departed_at_ = time;
-    return std::nullopt;
-  }
-
   // Begins a track at the last event if the recent ones agree on a place.
   [[nodiscard]] bool begin() {
     const std::int64_t time = window_.events().back().time;
@@ -199,63 +180,26 @@ class TrackKeeper {
       if (!heading) {
         S variance = S(0);
         for (int k = 0; k < D; ++k) variance += fix.covariance(k, k);
-        heading = heading_of_motion(fix.position, variance, time);
+        heading = departure_.heading({fix.position[0], fix.position[1]}, variance, time,
+                                     options_.max_gap);
       }
     }
     if (Motion::kHasHeading && !heading) return false;
-    begin_at(fix, heading.value_or(Measured<S>{}), set, time);
-    return true;
-  }
-
-  void begin_at(const FirstFix<S, D>& fix, const Measured<S>& heading, const FirstReadings<S>& set,
-                std::int64_t time) {
-    constexpr int n = Motion::kDof;
-    Beginning<S> beginning{.position = Vec<S, 3>::Zero(), .heading = heading.value};
-    beginning.position.template head<D>() = fix.position;
-    beginning.speed_variance = options_.speed_sigma * options_.speed_sigma;
-    beginning.specific_force = set.specific_force;
-    Track next;
-    Vec<S, n> variances = Vec<S, n>::Zero();
-    next.state = options_.model.motion.begin(beginning, variances);
-    Mat<S, Track::kDof> p = Mat<S, Track::kDof>::Zero();
-    for (int k = 0; k < n; ++k) p(k, k) = variances[k];
-    for (int k = n; k < Track::kDof; ++k) {
-      p(k, k) = options_.model.bias_sigma * options_.model.bias_sigma;
-    }
-    p.template topLeftCorner<D, D>() = fix.covariance.template topLeftCorner<D, D>();
-    if constexpr (Motion::kHasHeading) {
-      p(Motion::kHeading, Motion::kHeading) = heading.variance;
-      for (int k = 0; k < D && fix.heading; ++k) {
-        p(k, Motion::kHeading) = p(Motion::kHeading, k) = fix.covariance(k, D);
-      }
-    }
-    const auto factored = FactoredCovariance<S, Track::kDof>::from_matrix(p);
-    next.covariance =
-        factored ? *factored : FactoredCovariance<S, Track::kDof>{p.diagonal().eval()};
-    next.time = time;
-    confirm(next);
-    if constexpr (requires { next.input.age; }) {
-      for (const Event<S>& event : window_.events()) {
-        const auto* imu = std::get_if<ImuSample<S>>(&event.what);
-        if (imu == nullptr) continue;
-        next.input = {imu->gyro, imu->accelerometer, seconds_between<S>(event.time, time)};
-      }
-    }
-    head_ = next;
+    head_ = begun_track<Motion, Size.biases>(options_, fix, heading.value_or(Measured<S>{}), set,
+                                             window_.events());
     now_ = time;
     tracking_ = true;
     window_.restart();
     watch_.reset(time);
-    departure_.reset();
+    departure_.restart();
+    return true;
   }
 
   TrackerOptions<Motion> options_;
   Track head_{};  // after the last event
   ReplayWindow<Event<S>, Track, Size.window, Size.stride> window_;
   LockOutWatch watch_;
-  std::optional<Vec<S, D>> departure_;  // where a robot without heading was first seen
-  S departure_variance_ = S(0);
-  std::int64_t departed_at_ = 0;
+  Departure<S> departure_;
   std::int64_t now_ = std::numeric_limits<std::int64_t>::min();
   std::int64_t stray_time_ = 0;
   int strays_ = 0;

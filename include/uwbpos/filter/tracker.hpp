@@ -14,10 +14,10 @@
 /// It knows anchors and tags by their ids, checks what it is fed, counts what becomes of it, and
 /// leaves the rest to filter/track_keeper.hpp.
 
-#include <array>
 #include <cmath>
 #include <optional>
 
+#include "uwbpos/filter/heard_anchors.hpp"
 #include "uwbpos/filter/track_keeper.hpp"
 #include "uwbpos/geometry/anchors.hpp"
 
@@ -122,15 +122,12 @@ class Tracker {
   /// yet told half of its variance.
   [[nodiscard]] Result<Measured<S>> bias(std::uint32_t anchor) const {
     if (!keeper_.tracking()) return std::unexpected(Error::NotYetLocated);
-    for (int k = 0; k < biases_; ++k) {
-      if (biased_[static_cast<std::size_t>(k)] != anchor) continue;
-      const int place = Track::kBias + k;
-      const S variance = keeper_.head().covariance(place, place);
-      const S sigma = keeper_.options().model.bias_sigma;
-      if (!(S(2) * variance < sigma * sigma)) return std::unexpected(Error::NotYetTracked);
-      return Measured<S>{keeper_.head().bias[k], variance};
-    }
-    return std::unexpected(Error::UnknownAnchor);
+    const int slot = biased_.find(anchor);
+    if (slot < 0) return std::unexpected(Error::UnknownAnchor);
+    const S variance = keeper_.head().covariance(Track::kBias + slot, Track::kBias + slot);
+    const S sigma = keeper_.options().model.bias_sigma;
+    if (!(S(2) * variance < sigma * sigma)) return std::unexpected(Error::NotYetTracked);
+    return Measured<S>{keeper_.head().bias[slot], variance};
   }
 
   /// Verdicts on all measurements that met a track, by reason, each counted when it came.
@@ -138,11 +135,7 @@ class Tracker {
 
   /// Those on one anchor's ranges and differences. Zeros for one never heard.
   [[nodiscard]] AnchorCounters counters(std::uint32_t anchor) const {
-    for (int k = 0; k < heard_; ++k) {
-      const Heard& heard = by_anchor_[static_cast<std::size_t>(k)];
-      if (heard.anchor == anchor) return heard.counters;
-    }
-    return {};
+    return heard_.counters(anchor);
   }
 
   /// State, biases and covariance after the last measurement, of no meaning before the first fix.
@@ -152,11 +145,6 @@ class Tracker {
 
  private:
   static constexpr bool kRobot = requires { Motion::kSpeed; };
-
-  struct Heard {
-    std::uint32_t anchor = 0;
-    AnchorCounters counters{};
-  };
 
   [[nodiscard]] Told refuse(Error error) {
     counters_.count(error);
@@ -180,15 +168,16 @@ class Tracker {
       return refuse(Error::ImpossibleDifference);
     }
     ArrivalEvent<S> event{*a, *b, *lever, value, sigma * sigma, from.value_or(to), to, tag};
-    event.bias_a = from ? bias_slot(*from) : -1;
-    event.bias_b = bias_slot(to);
+    event.bias_a = from ? biased_.place(*from) : -1;
+    event.bias_b = biased_.place(to);
     event.is_difference = from.has_value();
     event.shared = shared;
     const bool tracked = keeper_.tracking();
     const Told told = push({time, event});
     if (tracked) {
-      count(to, told);
-      if (from) count(*from, told);
+      const bool used = told && told->event == TrackEvent::Used;
+      if (used || !told) heard_.count(to, used);
+      if (from && (used || !told)) heard_.count(*from, used);
     }
     return told;
   }
@@ -209,33 +198,12 @@ class Tracker {
     return told;
   }
 
-  void count(std::uint32_t anchor, const Told& told) {
-    int k = 0;
-    while (k < heard_ && by_anchor_[static_cast<std::size_t>(k)].anchor != anchor) ++k;
-    Heard& heard = by_anchor_[static_cast<std::size_t>(k)];
-    if (k == heard_) heard.anchor = anchor, ++heard_;
-    if (told && told->event == TrackEvent::Used) ++heard.counters.used;
-    if (!told) ++heard.counters.refused;
-  }
-
-  // Biases belong to the anchors that are heard first.
-  [[nodiscard]] int bias_slot(std::uint32_t anchor) {
-    for (int k = 0; k < biases_; ++k) {
-      if (biased_[static_cast<std::size_t>(k)] == anchor) return k;
-    }
-    if (biases_ == Size.biases) return -1;
-    biased_[static_cast<std::size_t>(biases_)] = anchor;
-    return biases_++;
-  }
-
   TrackKeeper<Motion, Size> keeper_;
   Anchors<S, 3, Size.anchors> anchors_;
   Anchors<S, 3, Size.tags> tags_;
-  std::array<Heard, static_cast<std::size_t>(Size.anchors)> by_anchor_{};
-  std::array<std::uint32_t, static_cast<std::size_t>(Size.biases + 1)> biased_{};
+  HeardAnchors<Size.anchors> heard_;
+  PlacesById<Size.biases> biased_;  // those heard first
   GateCounters counters_;
-  int heard_ = 0;   // anchors in by_anchor_
-  int biases_ = 0;  // anchors in biased_
 };
 
 }  // namespace uwbpos

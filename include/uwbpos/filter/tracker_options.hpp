@@ -67,16 +67,4 @@ struct TrackUpdate {
   Innovation<S> innovation{};  ///< when used
 };
 
-/// What an anchor's measurements have been like. A difference counts for both of its anchors.
-struct AnchorCounters {
-  std::uint32_t used = 0;     ///< by the track
-  std::uint32_t refused = 0;  ///< by the gate, or for their time
-};
-
-/// The share that was refused, 0 … 1; zero of nothing. An anchor that lies stands out by it.
-[[nodiscard]] constexpr float refused_share(const AnchorCounters& counters) {
-  const std::uint32_t all = counters.used + counters.refused;
-  return all == 0 ? 0.0f : static_cast<float>(counters.refused) / static_cast<float>(all);
-}
-
 }  // namespace uwbpos
