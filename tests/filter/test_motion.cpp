@@ -192,15 +192,15 @@ TEST_CASE_TEMPLATE("motion: an inertial body turns, falls and coasts", S, float,
   state = {};
   input = {Vec<S, 3>::Zero(), Vec<S, 3>::Zero(), S(0)};
   for (int i = 0; i < 100; ++i) static_cast<void>(motion.propagate(state, input, S(0.01)));
-  CHECK(state.position[2] == doctest::Approx(-motion.gravity / 2).epsilon(1e-4));
+  CHECK(std::abs(state.position[2] + motion.gravity / 2) < S(1e-3));
   // Without samples it goes straight on and knows less and less.
   state.velocity = {S(1), S(0), S(0)};
   state.position.setZero();
   input.age = S(5);
   const auto blind = motion.propagate(state, input, S(0.5));
   CHECK(state.position[0] == doctest::Approx(0.5));
-  CHECK(blind.q[0] ==
-        doctest::Approx(S(0.5) * motion.blind_acceleration * motion.blind_acceleration));
+  const S pushed = motion.blind_acceleration;
+  CHECK(std::abs(blind.q[0] - pushed * pushed / 2) < S(1e-5));
 }
 
 TEST_CASE_TEMPLATE("motion: an inertial body begins upright and looks where told", S, float,
