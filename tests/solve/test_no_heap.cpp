@@ -5,6 +5,8 @@
 #include <doctest/doctest.h>
 
 #include "uwbpos/accuracy/dop.hpp"
+#include "uwbpos/filter/motion/inertial.hpp"
+#include "uwbpos/filter/tracker.hpp"
 #include "uwbpos/solve/bancroft.hpp"
 #include "uwbpos/solve/exclude_outliers.hpp"
 #include "uwbpos/solve/fsri.hpp"
@@ -14,6 +16,7 @@
 #include "uwbpos/solve/toa_chan.hpp"
 #include "uwbpos/solve/toa_linear.hpp"
 
+#include "filter/flights.hpp"
 #include "solve/difference_rooms.hpp"
 
 namespace {
@@ -90,4 +93,34 @@ TEST_CASE_TEMPLATE("no solver and no bound touches the heap", S, float, double) 
   void* const probe = ::operator new(sizeof(int));
   CHECK(allocations == after + 1);
   ::operator delete(probe);
+}
+
+TEST_CASE("no tracker touches the heap, however its measurements come") {
+  sim::Random random{"no heap in flight"};
+  const test::Course course{0};
+  const test::CourseImu imu{.course = course};
+  TrackerOptions<Inertial<float>> options;
+  options.heading = Measured<float>{static_cast<float>(course.heading(0)), 0.01f};
+  Tracker<Inertial<float>> tracker{options};
+  test::hang_anchors(tracker);
+  const std::size_t before = allocations;
+  int used = 0;
+  const auto count = [&](auto, const auto& told) { used += told ? 1 : 0; };
+  for (std::int64_t time = 0; time < 2'000'000; time += test::kSlot) {
+    const Vec<double, 3> place = course.position(1e-6 * static_cast<double>(time));
+    static_cast<void>(tracker.update(imu.sample<float>(time, random)));
+    test::measure(test::Radio::SharedDifferences, time, place, 0.1, 0.1, random, tracker,
+                  test::unspoiled, count);
+    // Each range is told 30 ms late, and once more a second late: outside the window.
+    const std::int64_t late = time - 30'000;
+    if (late < 0) continue;
+    const Vec<double, 3> was = course.position(1e-6 * static_cast<double>(late));
+    test::measure(test::Radio::Ranges, late, was, 0.1, 0.1, random, tracker, test::unspoiled,
+                  count);
+    if (time % 100'000 == 0)
+      static_cast<void>(tracker.update(TimedRange<float>{time - 1'000'000, 0, 3.0f}));
+    used += tracker.pose() ? 1 : 0;
+  }
+  CHECK(used > 400);
+  CHECK(allocations == before);
 }

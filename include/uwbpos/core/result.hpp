@@ -42,6 +42,11 @@ enum class Error : std::uint8_t {
   ClockJump,
   OutlierRejected,
   TooOld,
+  // A track.
+  NotYetLocated,
+  Unreachable,
+  TrackLost,
+  UnknownTag,
   // Frames.
   InvalidCovariance,
   NotARotation,
@@ -114,6 +119,14 @@ inline constexpr int kErrorCount = static_cast<int>(Error::InvalidTable) + 1;
       return "the measurement departs from what others predict, beyond noise; it was not used";
     case Error::TooOld:
       return "the stamps, or the synchronisation they rest on, are too old";
+    case Error::NotYetLocated:
+      return "there is no position yet: the measurements so far do not give one";
+    case Error::Unreachable:
+      return "the measurement lies farther from the track than the body can have moved";
+    case Error::TrackLost:
+      return "nothing was used for so long that the track is lost";
+    case Error::UnknownTag:
+      return "no tag has this id";
     case Error::InvalidCovariance:
       return "a matrix is no covariance (not symmetric, or not positive)";
     case Error::NotARotation:

@@ -20,6 +20,7 @@
 #include <limits>
 #include <span>
 
+#include "uwbpos/core/chi_squared.hpp"
 #include "uwbpos/core/result.hpp"
 #include "uwbpos/frames/transform.hpp"
 
@@ -110,17 +111,6 @@ template <class S, int D, int Slots>
     }
   }
   return joint;
-}
-
-/// The χ² that only as large a share of consistent data exceeds as lies `sigmas` above the mean of
-/// a normal distribution (Wilson, Hilferty 1931). Within 6 % of the quantile for 2 … 9 degrees of
-/// freedom and up to 4 sigmas. O(1).
-template <class S>
-[[nodiscard]] S chi_squared_gate(int degrees_of_freedom, S sigmas) {
-  const S n = static_cast<S>(degrees_of_freedom);
-  const S step = S(2) / (S(9) * n);
-  const S root = S(1) - step + sigmas * std::sqrt(step);
-  return n * root * root * root;
 }
 
 }  // namespace uwbpos

@@ -3,9 +3,7 @@
 
 /// @file
 /// Fault detection and exclusion: a fix from the measurements that agree with each other. While the
-/// χ² of a fix exceeds what noise allows at ν degrees of freedom,
-/// \f[ \chi^2 > \nu \left( 1 - \tfrac{2}{9\nu} + z \sqrt{\tfrac{2}{9\nu}} \right)^3 \f]
-/// (Wilson, Hilferty 1931; z the normal quantile of the confidence), the measurement without which
+/// χ² of a fix exceeds what noise allows (core/chi_squared.hpp), the measurement without which
 /// χ² falls most is left out, as receivers of satellite navigation have done since Parkinson and
 /// Axelrad (Navigation 35(2), 1988). What remains keeps a degree of freedom, or nothing would have
 /// been tested.
@@ -16,6 +14,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "uwbpos/core/chi_squared.hpp"
 #include "uwbpos/solve/locate.hpp"
 
 namespace uwbpos {
@@ -58,11 +57,8 @@ Result<ExclusionFix<S, D>> locate_excluding(std::span<const Measurement> all,
     return std::unexpected(Error::InvalidOption);
   }
   const auto passes = [&](const Fix<S, D>& fix) {
-    const S freedom = static_cast<S>(fix.degrees_of_freedom);
-    if (!(freedom > S(0))) return true;
-    const S spread = S(2) / (S(9) * freedom);
-    const S root = S(1) - spread + exclusion.normal_quantile * std::sqrt(spread);
-    return fix.chi_squared <= freedom * root * root * root;
+    return fix.degrees_of_freedom < 1 ||
+           fix.chi_squared <= chi_squared_gate(fix.degrees_of_freedom, exclusion.normal_quantile);
   };
 
   Result<Fix<S, D>> fix = locate(all, options);

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// What a tracker keeps of each anchor that it has heard, in memory of fixed size.
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+namespace uwbpos {
+
+/// Places 0 … Capacity − 1 for ids, given in the order in which they are asked for.
+template <int Capacity>
+class PlacesById {
+ public:
+  /// The place of an id, −1 without one. O(Capacity).
+  [[nodiscard]] int find(std::uint32_t id) const {
+    for (int k = 0; k < size_; ++k) {
+      if (ids_[static_cast<std::size_t>(k)] == id) return k;
+    }
+    return -1;
+  }
+
+  /// The same; a new id gets the next place while there is one.
+  [[nodiscard]] int place(std::uint32_t id) {
+    const int found = find(id);
+    if (found >= 0 || size_ == Capacity) return found;
+    ids_[static_cast<std::size_t>(size_)] = id;
+    return size_++;
+  }
+
+ private:
+  std::array<std::uint32_t, static_cast<std::size_t>(Capacity + 1)> ids_{};
+  int size_ = 0;
+};
+
+/// What an anchor's measurements have been like. A difference counts for both of its anchors.
+struct AnchorCounters {
+  std::uint32_t used = 0;     ///< by the track
+  std::uint32_t refused = 0;  ///< by the gate, or for their time
+};
+
+/// The share that was refused, 0 … 1; zero of nothing. An anchor that lies stands out by it.
+[[nodiscard]] constexpr float refused_share(const AnchorCounters& counters) {
+  const std::uint32_t all = counters.used + counters.refused;
+  return all == 0 ? 0.0f : static_cast<float>(counters.refused) / static_cast<float>(all);
+}
+
+/// Counters of up to `Capacity` anchors.
+template <int Capacity>
+class HeardAnchors {
+ public:
+  /// Another measurement of an anchor, used or refused. O(Capacity).
+  void count(std::uint32_t anchor, bool used) {
+    const int place = places_.place(anchor);
+    if (place < 0) return;
+    AnchorCounters& counters = counters_[static_cast<std::size_t>(place)];
+    ++(used ? counters.used : counters.refused);
+  }
+
+  /// Those of an anchor; zeros for one never heard. O(Capacity).
+  [[nodiscard]] AnchorCounters counters(std::uint32_t anchor) const {
+    const int place = places_.find(anchor);
+    return place < 0 ? AnchorCounters{} : counters_[static_cast<std::size_t>(place)];
+  }
+
+ private:
+  PlacesById<Capacity> places_;
+  std::array<AnchorCounters, static_cast<std::size_t>(Capacity)> counters_{};
+};
+
+}  // namespace uwbpos

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// What a tracker is fed. Times are integers of microseconds from any epoch: a float of seconds
+/// since start is off by milliseconds after three hours, which is centimetres.
+
+#include <cstdint>
+
+#include "uwbpos/core/types.hpp"
+
+namespace uwbpos {
+
+/// The distance from a tag to an anchor.
+template <class S>
+struct TimedRange {
+  std::int64_t time;      ///< [µs]
+  std::uint32_t anchor;   ///< its id
+  S range;                ///< [m]
+  S sigma = S(0.1);       ///< [m]
+  std::uint32_t tag = 0;  ///< which of the body's tags
+};
+
+/// How much farther a tag is from anchor b than from anchor a.
+template <class S>
+struct TimedDifference {
+  std::int64_t time;       ///< [µs]
+  std::uint32_t anchor_a;  ///< its id
+  std::uint32_t anchor_b;  ///< its id
+  S difference;            ///< |p − b| − |p − a| [m]
+  S sigma = S(0.15);       ///< of the difference [m]
+  std::uint32_t tag = 0;   ///< which of the body's tags
+  /// True when all differences of this time, tag and `anchor_a` hold one and the same arrival at
+  /// `anchor_a`: those of one blink against one reference. Their noise is then correlated,
+  /// σ²/2 (I + 1 1ᵀ), and treated so.
+  bool shared = false;
+};
+
+/// A sample of an inertial unit, in axes of the body: x forward, y left, z up.
+template <class S>
+struct ImuSample {
+  std::int64_t time;        ///< [µs]
+  Vec<S, 3> gyro;           ///< turn rate [rad/s]
+  Vec<S, 3> accelerometer;  ///< specific force: (0, 0, +g) at rest [m/s²]
+};
+
+/// The height of the body.
+template <class S>
+struct TimedHeight {
+  std::int64_t time;  ///< [µs]
+  S height;           ///< [m]
+  S sigma = S(0.05);  ///< [m]
+};
+
+/// The direction of the body's x axis.
+template <class S>
+struct TimedHeading {
+  std::int64_t time;  ///< [µs]
+  S heading;          ///< from +x counter-clockwise; any turn [rad]
+  S sigma = S(0.05);  ///< [rad]
+};
+
+/// The position of the body, from another system or a snapshot solver.
+template <class S>
+struct TimedPosition {
+  std::int64_t time;     ///< [µs]
+  Vec<S, 3> position;    ///< [m]; the third is not read in the plane
+  Mat<S, 3> covariance;  ///< [m²], positive definite
+};
+
+/// The velocity of the body in axes of the map.
+template <class S>
+struct TimedVelocity {
+  std::int64_t time;   ///< [µs]
+  Vec<S, 3> velocity;  ///< [m/s]; the third is not read in the plane
+  S sigma = S(0.1);    ///< of each component [m/s]
+};
+
+/// What a planar robot's odometry tells.
+template <class S>
+struct TimedSpeed {
+  std::int64_t time;  ///< [µs]
+  S speed;            ///< forward [m/s]
+  S sigma = S(0.05);  ///< [m/s]
+};
+
+/// The turn rate of a planar robot, by odometry or gyro.
+template <class S>
+struct TimedTurnRate {
+  std::int64_t time;  ///< [µs]
+  S rate;             ///< counter-clockwise [rad/s]
+  S sigma = S(0.02);  ///< [rad/s]
+};
+
+}  // namespace uwbpos

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// The last events of a tracker in order of time, with a snapshot of the track before every
+/// `Stride`-th of them, so that one that comes late is put where it belongs and the rest done over:
+/// at most `Stride` more events than came after it.
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace uwbpos {
+
+/// Up to `Capacity` events (with a member `time`) and the tracks before some. Fixed size, about
+/// Capacity·sizeof(Event) + (Capacity/Stride)·sizeof(Track) bytes.
+template <class Event, class Track, int Capacity, int Stride>
+class ReplayWindow {
+  static_assert(Stride > 0 && Capacity >= 2 * Stride && Capacity % Stride == 0,
+                "a window holds two strides or more, whole ones");
+
+ public:
+  /// How many events there are.
+  [[nodiscard]] int size() const { return size_; }
+  /// All of them, oldest first.
+  [[nodiscard]] std::span<const Event> events() const { return first(size_); }
+  /// The oldest `count`.
+  [[nodiscard]] std::span<const Event> first(int count) const {
+    return {events_.data(), static_cast<std::size_t>(count)};
+  }
+  /// One of them.
+  [[nodiscard]] Event& operator[](int i) { return events_[static_cast<std::size_t>(i)]; }
+
+  /// Puts an event after all those that are not later; the oldest stride makes room when there is
+  /// none. Returns its place. O(Capacity) at worst, O(1) on average for the newest.
+  int insert(const Event& event) {
+    make_room();
+    const auto later = [](std::int64_t time, const Event& e) { return time < e.time; };
+    Event* const end = events_.data() + size_;
+    Event* const place = std::upper_bound(events_.data(), end, event.time, later);
+    std::move_backward(place, end, end + 1);
+    *place = event;
+    ++size_;
+    return static_cast<int>(place - events_.data());
+  }
+
+  /// Drops the oldest stride if there is no room for another event.
+  void make_room() {
+    if (size_ < Capacity) return;
+    std::move(events_.begin() + Stride, events_.end(), events_.begin());
+    std::move(snapshots_.begin() + 1, snapshots_.end(), snapshots_.begin());
+    size_ -= Stride;
+  }
+
+  /// Whether a snapshot is to be taken before event `i`.
+  [[nodiscard]] static bool snaps(int i) { return i % Stride == 0; }
+  /// The last place not after `i` that has one.
+  [[nodiscard]] static int snap_before(int i) { return i - i % Stride; }
+  /// The track before event `i`, a multiple of `Stride`.
+  [[nodiscard]] Track& snapshot(int i) { return snapshots_[static_cast<std::size_t>(i / Stride)]; }
+
+  /// Begins anew: what comes next is the first event.
+  void restart() { size_ = 0; }
+
+ private:
+  std::array<Event, static_cast<std::size_t>(Capacity)> events_{};
+  std::array<Track, static_cast<std::size_t>(Capacity / Stride)> snapshots_{};
+  int size_ = 0;
+};
+
+}  // namespace uwbpos

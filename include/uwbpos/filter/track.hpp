@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// One hypothesis of a moving body at one time: a motion model's state, the slowly varying bias of
+/// some anchors, and their covariance; how time moves it and how it is corrected. The extended
+/// Kalman filter, one scalar after the other. A bias is a Gauss-Markov process,
+/// \f[ b' = e^{-t/\tau} b + n, \quad \mathrm{var}\,n = \sigma_b^2 (1 - e^{-2t/\tau}), \tag{1} \f]
+/// so that what no measurement tells stays at zero ± σ_b, and does no harm.
+
+#include <cmath>
+#include <cstdint>
+
+#include "uwbpos/filter/factored_covariance.hpp"
+#include "uwbpos/filter/gate.hpp"
+#include "uwbpos/filter/motion/propagation.hpp"
+
+namespace uwbpos {
+
+/// What a measurement said about the track.
+template <class S>
+struct Innovation {
+  S value = S(0);              ///< ν, of a vector its length; in the measurement's unit
+  S normalised_square = S(0);  ///< νᵀS⁻¹ν: the NIS, `dimension` on average when all is right
+  int dimension = 0;           ///< of ν; zero for what only drives the motion
+};
+
+/// What a track is moved and judged by.
+template <class Motion>
+struct TrackModel {
+  using S = typename Motion::Scalar;  ///< float or double
+  Motion motion{};                    ///< with its noises
+  GateOptions<S> gate{};              ///< what is believed
+  S bias_sigma = S(0.1);              ///< σ_b [m]
+  S bias_time = S(20);                ///< τ [s]
+};
+
+/// State of `Motion` and biases of up to `Biases` anchors at `time`.
+template <class Motion, int Biases>
+struct Track {
+  using S = typename Motion::Scalar;                  ///< float or double
+  static constexpr int kBias = Motion::kDof;          ///< where the biases begin
+  static constexpr int kDof = Motion::kDof + Biases;  ///< of all
+
+  std::int64_t time = 0;                         ///< [µs]
+  std::int64_t used_at = 0;                      ///< when something was last used [µs]
+  S position_variance = S(0);                    ///< tr P₀ then [m²]
+  typename Motion::State state{};                ///< of the body
+  typename Motion::Input input{};                ///< that drives it
+  Vec<S, Biases> bias = Vec<S, Biases>::Zero();  ///< of ranges, estimate minus truth [m]
+  FactoredCovariance<S, kDof> covariance;        ///< of the errors of state and biases
+};
+
+/// Seconds from `from` to `to`, exact until the division: float loses nothing of the epoch.
+template <class S>
+[[nodiscard]] S seconds_between(std::int64_t from, std::int64_t to) {
+  return static_cast<S>(to - from) / S(1e6);
+}
+
+namespace detail {
+
+template <class Motion, int Biases>
+void step_by(Track<Motion, Biases>& track, const TrackModel<Motion>& model,
+             typename Motion::Scalar t) {
+  using S = typename Motion::Scalar;
+  constexpr int n = Motion::kDof;
+  constexpr int all = Track<Motion, Biases>::kDof;
+  const auto step = model.motion.propagate(track.state, track.input, t);
+  if constexpr (requires { track.input.age; }) track.input.age += t;
+  if constexpr (Biases == 0) {
+    track.covariance.predict(step.f, step.g, step.q);
+  } else {
+    constexpr int noises = decltype(step.q)::RowsAtCompileTime;
+    Mat<S, all> f = Mat<S, all>::Identity();
+    Eigen::Matrix<S, all, noises + Biases> g = Eigen::Matrix<S, all, noises + Biases>::Zero();
+    Vec<S, noises + Biases> q;
+    f.template topLeftCorner<n, n>() = step.f;
+    g.template topLeftCorner<n, noises>() = step.g;
+    q.template head<noises>() = step.q;
+    const S kept = std::exp(-t / model.bias_time);  // (1)
+    for (int k = 0; k < Biases; ++k) {
+      track.bias[k] *= kept;
+      f(n + k, n + k) = kept;
+      g(n + k, noises + k) = S(1);
+      q[noises + k] = model.bias_sigma * model.bias_sigma * (S(1) - kept * kept);
+    }
+    track.covariance.predict(f, g, q);
+  }
+}
+
+}  // namespace detail
+
+/// Moves the track to `time`; an earlier one changes nothing. Steps of at most a tenth of a second,
+/// each O(N³). No allocation.
+template <class Motion, int Biases>
+void advance(Track<Motion, Biases>& track, const TrackModel<Motion>& model, std::int64_t time) {
+  using S = typename Motion::Scalar;
+  constexpr std::int64_t longest = 100'000;
+  while (track.time < time) {
+    const std::int64_t next = time - track.time > longest ? track.time + longest : time;
+    detail::step_by(track, model, seconds_between<S>(track.time, next));
+    track.time = next;
+  }
+}
+
+/// Corrects the track by a scalar with innovation `innovation`, gradient `row` and noise variance
+/// `noise`, without asking a gate. O(M·N). No allocation.
+template <class Motion, int Biases, class S, int M>
+void correct(Track<Motion, Biases>& track, const Motion& motion, const ProjectedRow<S, M>& row,
+             S innovation, S noise) {
+  Vec<S, Track<Motion, Biases>::kDof> step = track.covariance.update(row, noise);
+  step *= innovation;
+  motion.correct(track.state, step.template head<Motion::kDof>());
+  for (int k = 0; k < Biases; ++k) track.bias[k] += step[Motion::kDof + k];
+}
+
+/// Remembers that the track was confirmed now.
+template <class Motion, int Biases>
+void confirm(Track<Motion, Biases>& track) {
+  track.used_at = track.time;
+  track.position_variance = 0;
+  for (int k = 0; k < Motion::kDimension; ++k) {
+    track.position_variance += track.covariance(k, k);
+  }
+}
+
+/// Corrects the track by a scalar if the gate lets it: by statistics, and where `slope` > 0, the
+/// length of the gradient by position, by reachability. Errors: NotFinite, Unreachable,
+/// OutlierRejected; then nothing changes.
+template <class Motion, int Biases, class S, int M>
+[[nodiscard]] Result<Innovation<S>> gated_correct(Track<Motion, Biases>& track,
+                                                  const TrackModel<Motion>& model,
+                                                  const Vec<S, M>& row, S innovation, S noise,
+                                                  S slope) {
+  if (slope > S(0)) {
+    const Reach<S> reach{seconds_between<S>(track.used_at, track.time), track.position_variance};
+    if (const auto error = check_reach(model.gate, reach, innovation, slope, noise)) {
+      return std::unexpected(*error);
+    }
+  }
+  const ProjectedRow<S, M> projected = track.covariance.project(row);
+  const S square = innovation * innovation / (projected.variance + noise);
+  if (const auto error = check_statistics(model.gate, square, 1)) return std::unexpected(*error);
+  correct(track, model.motion, projected, innovation, noise);
+  if (slope > S(0)) confirm(track);
+  return Innovation<S>{innovation, square, 1};
+}
+
+}  // namespace uwbpos
