@@ -29,8 +29,8 @@ void print(double t, const Tracker<PlanarRobot<float>>& tracker, const sim::Body
     return;
   }
   const auto& pose = robot->pose;
-  const double x = static_cast<double>(pose.position[0]);
-  const double y = static_cast<double>(pose.position[1]);
+  const auto x = static_cast<double>(pose.position[0]);
+  const auto y = static_cast<double>(pose.position[1]);
   const double off = std::hypot(x - truth.position[0], y - truth.position[1]);
   const double turned = angle_difference(static_cast<double>(pose.heading), sim::heading(truth));
   const auto sigma = [&](int i) { return std::sqrt(static_cast<double>(pose.covariance(i, i))); };

@@ -34,9 +34,11 @@ struct ArrivalSum {
     const RangePrediction<S, 3> range = predict_range<S, 3>(place, anchor);
     predicted += weight * range.range;
     gradient += weight * range.gradient;
-    if (slot >= 0 && slot < Biases) {
-      predicted += weight * bias[slot];
-      by_bias[slot] += weight;
+    if constexpr (Biases > 0) {
+      if (slot >= 0 && slot < Biases) {
+        predicted += weight * bias[slot];
+        by_bias[slot] += weight;
+      }
     }
   }
 };
@@ -68,8 +70,10 @@ template <class Motion, int Biases, class S>
     int k = 1;
     S of_others = S(0);
     const auto for_others = [&](const auto& visit) {
-      for (std::size_t i = before.size(); i-- > 0 && before[i].time == track.time;) {
-        if (const auto* other = detail::shares_with(event, before[i])) visit(*other);
+      for (std::size_t left = before.size(); left > 0; --left) {
+        const Event<S>& earlier = before[left - 1];
+        if (earlier.time != track.time) break;
+        if (const auto* other = detail::shares_with(event, earlier)) visit(*other);
       }
     };
     for_others([&](const ArrivalEvent<S>& other) {

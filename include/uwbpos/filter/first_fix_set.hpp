@@ -52,8 +52,9 @@ template <class S>
   const std::int64_t now = events.back().time;
   std::array<const ArrivalEvent<S>*, static_cast<std::size_t>(kMaxMeasurements)> taken;
   S samples = S(0);
-  for (std::size_t i = events.size(); i-- > 0 && now - events[i].time <= window;) {
-    const Event<S>& event = events[i];
+  for (std::size_t left = events.size(); left > 0; --left) {
+    const Event<S>& event = events[left - 1];
+    if (now - event.time > window) break;
     if (const auto* imu = std::get_if<ImuSample<S>>(&event.what)) {
       set.specific_force += imu->accelerometer;
       samples += S(1);

@@ -22,10 +22,10 @@ namespace uwbpos {
 template <class Motion, TrackerSize Size>
 class TrackKeeper {
  public:
-  using S = typename Motion::Scalar;                 ///< float or double
-  static constexpr int D = Motion::kDimension;       ///< of the position
-  using Track = uwbpos::Track<Motion, Size.biases>;  ///< state, biases and their covariance
-  using Told = Result<TrackUpdate<S>>;               ///< about an event
+  using S = typename Motion::Scalar;                     ///< float or double
+  static constexpr int kDimension = Motion::kDimension;  ///< of the position
+  using Track = uwbpos::Track<Motion, Size.biases>;      ///< state, biases and their covariance
+  using Told = Result<TrackUpdate<S>>;                   ///< about an event
 
   /// With options that are valid.
   explicit TrackKeeper(const TrackerOptions<Motion>& options) : options_{options} {}
@@ -149,11 +149,11 @@ class TrackKeeper {
     const S bias = Size.biases > 0 ? options_.model.bias_sigma : S(0);
     const FirstReadings<S> set = gather_first_readings<S>(window_.events(), options_.fix_window,
                                                           options_.speed_sigma, bias * bias);
-    FirstFixOptions<S, D> options;
+    FirstFixOptions<S, kDimension> options;
     options.locate = options_.locate;
     if (tracking_ && !options.locate.prior) {
       options.locate.prior = options_.model.motion.place(head_.state, Vec<S, 3>::Zero().eval())
-                                 .template head<D>()
+                                 .template head<kDimension>()
                                  .eval();
     }
     if constexpr (requires { options_.model.motion.height; }) {
@@ -161,25 +161,25 @@ class TrackKeeper {
     }
     options.wants_heading = Motion::kHasHeading;
     options.heading = known_heading(set);
-    FirstFix<S, D> fix;
-    if (const auto found = first_fix<S, D>(set, options)) {
+    FirstFix<S, kDimension> fix;
+    if (const auto found = first_fix<S, kDimension>(set, options)) {
       const bool waited = time - window_.events().front().time >= options_.fix_window;
       if (found->degrees_of_freedom < 2 && !waited) return false;
       fix = *found;
     } else if (set.position) {
-      fix.position = set.position->position.template head<D>();
+      fix.position = set.position->position.template head<kDimension>();
       fix.covariance.setZero();
-      fix.covariance.template topLeftCorner<D, D>() =
-          set.position->covariance.template topLeftCorner<D, D>();
+      fix.covariance.template topLeftCorner<kDimension, kDimension>() =
+          set.position->covariance.template topLeftCorner<kDimension, kDimension>();
     } else {
       return false;
     }
     std::optional<Measured<S>> heading = options.heading;
-    if (fix.heading) heading = Measured<S>{*fix.heading, fix.covariance(D, D)};
+    if (fix.heading) heading = Measured<S>{*fix.heading, fix.covariance(kDimension, kDimension)};
     if constexpr (requires { requires Motion::kLooksAhead; }) {
       if (!heading) {
         S variance = S(0);
-        for (int k = 0; k < D; ++k) variance += fix.covariance(k, k);
+        for (int k = 0; k < kDimension; ++k) variance += fix.covariance(k, k);
         heading = departure_.heading({fix.position[0], fix.position[1]}, variance, time,
                                      options_.max_gap);
       }

@@ -28,11 +28,11 @@ namespace uwbpos {
 template <class Motion, TrackerSize Size = TrackerSize{}>
 class Tracker {
  public:
-  using S = typename Motion::Scalar;                 ///< float or double
-  static constexpr int D = Motion::kDimension;       ///< of the position
-  using Track = uwbpos::Track<Motion, Size.biases>;  ///< state, biases and their covariance
-  using Pose = typename Motion::Pose;                ///< what it tells
-  using Told = Result<TrackUpdate<S>>;               ///< about a measurement
+  using S = typename Motion::Scalar;                     ///< float or double
+  static constexpr int kDimension = Motion::kDimension;  ///< of the position
+  using Track = uwbpos::Track<Motion, Size.biases>;      ///< state, biases and their covariance
+  using Pose = typename Motion::Pose;                    ///< what it tells
+  using Told = Result<TrackUpdate<S>>;                   ///< about a measurement
 
   /// With options, which every update checks.
   explicit Tracker(const TrackerOptions<Motion>& options = {}) : keeper_{options} {}
@@ -73,7 +73,7 @@ class Tracker {
   }
   /// A height; of a motion in space.
   [[nodiscard]] Told update(const TimedHeight<S>& m) {
-    return scalar(m.time, ScalarEvent<S>::Kind::Height, m.height, m.sigma, D == 3);
+    return scalar(m.time, ScalarEvent<S>::Kind::Height, m.height, m.sigma, kDimension == 3);
   }
   /// A heading; of a motion that has one.
   [[nodiscard]] Told update(const TimedHeading<S>& m) {
@@ -89,16 +89,17 @@ class Tracker {
   }
   /// A position.
   [[nodiscard]] Told update(const TimedPosition<S>& m) {
-    const Vec<S, D> part = m.position.template head<D>();
-    const Mat<S, D> covariance = m.covariance.template topLeftCorner<D, D>();
+    const Vec<S, kDimension> part = m.position.template head<kDimension>();
+    const Mat<S, kDimension> covariance =
+        m.covariance.template topLeftCorner<kDimension, kDimension>();
     if (!all_finite(part)) return refuse(Error::NotFinite);
-    const auto factored = FactoredCovariance<S, D>::from_matrix(covariance);
+    const auto factored = FactoredCovariance<S, kDimension>::from_matrix(covariance);
     if (!factored) return refuse(factored.error());
     return push({m.time, m});
   }
   /// A velocity.
   [[nodiscard]] Told update(const TimedVelocity<S>& m) {
-    const Vec<S, D> part = m.velocity.template head<D>();
+    const Vec<S, kDimension> part = m.velocity.template head<kDimension>();
     if (!all_finite(part) || !std::isfinite(m.sigma)) return refuse(Error::NotFinite);
     if (!(m.sigma >= kSmallestSigma<S>)) return refuse(Error::NonPositiveSigma);
     return push({m.time, m});

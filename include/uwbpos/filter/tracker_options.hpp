@@ -16,11 +16,11 @@ namespace uwbpos {
 /// Options of a `Tracker`; all but `model.motion` have defaults that fit an indoor robot.
 template <class Motion>
 struct TrackerOptions {
-  using S = typename Motion::Scalar;            ///< float or double
-  static constexpr int D = Motion::kDimension;  ///< of the position
+  using S = typename Motion::Scalar;                     ///< float or double
+  static constexpr int kDimension = Motion::kDimension;  ///< of the position
 
-  TrackModel<Motion> model{};    ///< motion with its noises, gates, anchors' biases
-  LocateOptions<S, D> locate{};  ///< side or prior against mirror images at the start
+  TrackModel<Motion> model{};             ///< motion with its noises, gates, anchors' biases
+  LocateOptions<S, kDimension> locate{};  ///< side or prior against mirror images at the start
   /// Heading at the start, if known [rad], [rad²]. Without it a body with a heading waits for one:
   /// from its tags, a measured one, or, driving where it looks, from its motion.
   std::optional<Measured<S>> heading = std::nullopt;
