@@ -28,7 +28,7 @@ namespace uwbpos {
 template <class S>
 struct HeadingGuess {
   S heading;   ///< [rad]
-  S variance;  ///< of c and s together, to first order [rad²]
+  S variance;  ///< of c or s, whichever is greater, to first order [rad²]
 };
 
 /// (1) of checked ranges, or nothing where it does not determine a heading: too few ranges of one
@@ -99,7 +99,7 @@ template <class S, int D>
     const auto covariance = factor.inverse();
     const S c = solution[2];
     const S s = solution[3];
-    const S variance = covariance(2, 2) + covariance(3, 3);
+    const S variance = std::max(covariance(2, 2), covariance(3, 3));
     if (!std::isfinite(c) || !std::isfinite(s) || !std::isfinite(variance)) return std::nullopt;
     return HeadingGuess<S>{std::atan2(s, c), variance / std::max(c * c + s * s, S(1e-6))};
   };

@@ -98,7 +98,11 @@ Result<Minimum<S, D + 1>> lowest_minimum(const PoseProblem<S, D>& problem,
     const S turn = S(2) * std::numbers::pi_v<S> * static_cast<S>(k) / S(kPoseHeadings);
     descend_at<S, D>(problem, turn, minima);
   }
-  if (!minima.best || !minima.other) return minima.best;
+  // Where the linear system determines the heading there are no images, only noise: the lowest
+  // minimum is the likeliest pose.
+  const bool level = D == 2 || problem.height.pinned;
+  const bool determined = level && guess && guess->variance < S(1);
+  if (!minima.best || !minima.other || determined) return minima.best;
 
   // Beside each other on the circle, relative to the anchors' centre, the images are compared.
   const S circle = S(2) * std::numbers::pi_v<S> * problem.arm;
