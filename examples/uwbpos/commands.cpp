@@ -47,9 +47,9 @@ void write_motion(const Settings& settings, const Replay& result) {
                *settings.velocity);
   }
   if (settings.target) {
-    const std::vector<Sighting> sightings = sightings_of(*result.body, *settings.target);
-    write_file(settings.out / "target.csv", target_csv(sightings));
-    fmt::print("{}\n", target_table(sightings, *settings.target));
+    const std::vector<SeenTarget> seen = targets_seen(*result.body, *settings.target);
+    write_file(settings.out / "target.csv", target_csv(seen));
+    fmt::print("{}\n", target_table(seen, *settings.target));
   }
 }
 

@@ -209,11 +209,11 @@ Figure twist_figure(const std::vector<BodyTwist>& twists) {
                 "Forward velocity and turn rate of the body, each between two poses.");
 }
 
-Figure target_figure(const std::vector<Sighting>& sightings) {
+Figure target_figure(const std::vector<SeenTarget>& seen) {
   Course distance{"distance", {}};
   Course bearing{"bearing", {}};
-  for (const Sighting& s : sightings) {
-    const double since = s.t - sightings.front().t;
+  for (const SeenTarget& s : seen) {
+    const double since = s.t - seen.front().t;
     distance.points.emplace_back(since, s.target.distance);
     bearing.points.emplace_back(since, radians_to_degrees(s.target.bearing));
   }

@@ -30,7 +30,7 @@ struct Figure {
 /// Speed forward and turn rate over time.
 [[nodiscard]] Figure twist_figure(const std::vector<BodyTwist>& twists);
 /// Distance and bearing of the target over time.
-[[nodiscard]] Figure target_figure(const std::vector<Sighting>& sightings);
+[[nodiscard]] Figure target_figure(const std::vector<SeenTarget>& seen);
 /// Error of each position over time.
 [[nodiscard]] Figure time_figure(const Replay& replay);
 /// Share of positions with no more than an error, 50, 90 and 95 % marked.

@@ -37,6 +37,25 @@ std::vector<Reading> as_links(const Site& site, const std::vector<Reading>& read
   return result;
 }
 
+// How the body's readings are grouped. A log that stamps whole rounds may stamp each tag's own:
+// then an epoch is a round of all tags, and a tag that reports again ends it.
+EpochRule body_rule(const std::vector<Reading>& of_links,
+                    const std::vector<std::pair<Id, Id>>& links, std::optional<double> window) {
+  const EpochRule rule = epoch_rule(of_links, window);
+  if (window || rule.window > 0) return rule;
+  std::map<Id, double> last;
+  std::vector<Reading> rounds;
+  for (const Reading& reading : of_links) {
+    const Id tag = links[reading.anchor].first;
+    const auto [place, fresh] = last.try_emplace(tag, reading.t);
+    if (!fresh && place->second == reading.t) continue;
+    place->second = reading.t;
+    rounds.push_back(reading);
+    rounds.back().anchor = tag;
+  }
+  return epoch_rule(rounds, window);
+}
+
 // Solves epochs one after the other. D = 2: heights are left out.
 template <int D>
 class PoseSolver {
@@ -169,7 +188,7 @@ Body solve_poses(const Settings& settings, const Site& site, int dim,
   Body body;
   std::vector<std::pair<Id, Id>> links;
   const std::vector<Reading> of_links = as_links(site, readings, links);
-  body.rule = epoch_rule(of_links, settings.epoch_window);
+  body.rule = body_rule(of_links, links, settings.epoch_window);
   const std::vector<Epoch> epochs = group_epochs(of_links, body.rule).epochs;
   const auto solve_all = [&](auto solver) {
     for (std::size_t i = 0; i < epochs.size(); ++i) {
@@ -218,12 +237,12 @@ TwistErrors summarize_twists(const std::vector<BodyTwist>& twists) {
   return {velocity.size(), root_mean_square(velocity), root_mean_square(turn_rate)};
 }
 
-std::vector<Sighting> sightings_of(const Body& body, const Vec<double, 2>& target) {
-  std::vector<Sighting> sightings;
+std::vector<SeenTarget> targets_seen(const Body& body, const Vec<double, 2>& target) {
+  std::vector<SeenTarget> seen;
   for (const BodyPose& p : body.track) {
-    if (const auto seen = bearing_to(in_plan(p.pose), target)) sightings.push_back({p.t, *seen});
+    if (const auto at = bearing_to(in_plan(p.pose), target)) seen.push_back({p.t, *at});
   }
-  return sightings;
+  return seen;
 }
 
 std::string poses_tum(const Body& body) {
@@ -251,28 +270,28 @@ std::string twists_csv(const std::vector<BodyTwist>& twists) {
   return text;
 }
 
-std::string target_csv(const std::vector<Sighting>& sightings) {
+std::string target_csv(const std::vector<SeenTarget>& seen) {
   std::string text = "t_s,distance_m,bearing_deg,ahead,sigma_distance_m,sigma_bearing_deg\n";
-  for (const auto& [t, seen] : sightings) {
+  for (const auto& [t, target] : seen) {
     fmt::format_to(std::back_inserter(text), "{:.6f},{:.5f},{:.4f},{},{:.5f},{:.4f}\n", t,
-                   seen.distance, radians_to_degrees(seen.bearing), seen.ahead ? 1 : 0,
-                   std::sqrt(seen.distance_variance),
-                   radians_to_degrees(std::sqrt(seen.bearing_variance)));
+                   target.distance, radians_to_degrees(target.bearing), target.ahead ? 1 : 0,
+                   std::sqrt(target.distance_variance),
+                   radians_to_degrees(std::sqrt(target.bearing_variance)));
   }
   return text;
 }
 
-std::string target_table(const std::vector<Sighting>& sightings, const Vec<double, 2>& target) {
-  if (sightings.empty()) return "";
+std::string target_table(const std::vector<SeenTarget>& seen, const Vec<double, 2>& target) {
+  if (seen.empty()) return "";
   constexpr std::size_t rows = 20;
   std::string text = fmt::format("\ntarget at ({:g}, {:g}) m\n{:>12}{:>14}{:>16}\n", target.x(),
                                  target.y(), "time [s]", "distance [m]", "bearing [deg]");
-  const std::size_t count = std::min(rows, sightings.size());
+  const std::size_t count = std::min(rows, seen.size());
   for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t place = count == 1 ? 0 : i * (sightings.size() - 1) / (count - 1);
-    const auto& [t, seen] = sightings[place];
-    text += fmt::format("{:>12.3f}{:>14.3f}{:>16.1f}   {}\n", t, seen.distance,
-                        radians_to_degrees(seen.bearing), seen.ahead ? "ahead" : "behind");
+    const std::size_t place = count == 1 ? 0 : i * (seen.size() - 1) / (count - 1);
+    const auto& [t, at] = seen[place];
+    text += fmt::format("{:>12.3f}{:>14.3f}{:>16.1f}   {}\n", t, at.distance,
+                        radians_to_degrees(at.bearing), at.ahead ? "ahead" : "behind");
   }
   return text;
 }

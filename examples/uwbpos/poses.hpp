@@ -41,7 +41,7 @@ struct BodyTwist {
 };
 
 /// A target as the body saw it.
-struct Sighting {
+struct SeenTarget {
   double t;
   Target<double> target;
 };
@@ -86,7 +86,7 @@ struct Body {
 [[nodiscard]] TwistErrors summarize_twists(const std::vector<BodyTwist>& twists);
 
 /// The target from each pose but those in its place.
-[[nodiscard]] std::vector<Sighting> sightings_of(const Body& body, const Vec<double, 2>& target);
+[[nodiscard]] std::vector<SeenTarget> targets_seen(const Body& body, const Vec<double, 2>& target);
 
 /// Heading of a rotation: the direction of its x axis in plan [rad].
 [[nodiscard]] double heading_of(const Rotation& rotation);
@@ -94,10 +94,10 @@ struct Body {
 /// Files of these, with a header row.
 [[nodiscard]] std::string poses_tum(const Body& body);
 [[nodiscard]] std::string twists_csv(const std::vector<BodyTwist>& twists);
-[[nodiscard]] std::string target_csv(const std::vector<Sighting>& sightings);
+[[nodiscard]] std::string target_csv(const std::vector<SeenTarget>& seen);
 
 /// The target along the track in some twenty rows, for the terminal.
-[[nodiscard]] std::string target_table(const std::vector<Sighting>& sightings,
+[[nodiscard]] std::string target_table(const std::vector<SeenTarget>& seen,
                                        const Vec<double, 2>& target);
 
 }  // namespace uwbpos::host

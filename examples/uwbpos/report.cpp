@@ -166,8 +166,8 @@ std::string findings(const Settings& settings, const Recording& recording, const
       if (!twists.empty()) left += figure(twist_figure(twists));
     }
     if (settings.target) {
-      const auto sightings = sightings_of(*replay.body, *settings.target);
-      if (!sightings.empty()) left += figure(target_figure(sightings));
+      const auto seen = targets_seen(*replay.body, *settings.target);
+      if (!seen.empty()) left += figure(target_figure(seen));
     }
   }
   if (!worst_first.empty()) {
