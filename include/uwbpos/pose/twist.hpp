@@ -51,7 +51,8 @@ template <class S>
   twist.turn_rate = turn / dt;
 
   // ∂(v, ω)/∂pose is ±I/Δt.
-  twist.global_covariance = (first.covariance + second.covariance) / (dt * dt);
+  twist.global_covariance =
+      without_rounding<S, 3>((first.covariance + second.covariance) / (dt * dt));
   // A turn of the mid heading by δ turns v_b by −δ: ∂v_b/∂ψ = (v_b,y, −v_b,x)/2 for either pose.
   const auto jacobian = [&](S sign) {
     const S rate = sign / dt;
@@ -65,8 +66,9 @@ template <class S>
     j(2, 2) = rate;
     return j;
   };
+  const Mat<S, 3> of_first = congruence(jacobian(S(-1)), first.covariance);
   twist.body_covariance =
-      congruence(jacobian(S(-1)), first.covariance) + congruence(jacobian(S(1)), second.covariance);
+      without_rounding<S, 3>(of_first + congruence(jacobian(S(1)), second.covariance));
   if (!all_finite(twist.body_velocity) || !std::isfinite(twist.turn_rate) ||
       !all_finite(twist.global_covariance) || !all_finite(twist.body_covariance)) {
     return std::unexpected(Error::NumericOverflow);

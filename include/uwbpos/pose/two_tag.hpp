@@ -18,12 +18,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <optional>
 #include <type_traits>
 
 #include "uwbpos/core/angle.hpp"
-#include "uwbpos/frames/make_transform.hpp"
+#include "uwbpos/pose/check_pose.hpp"
 
 namespace uwbpos {
 
@@ -75,8 +74,8 @@ template <class S>
   const Mat<S, 2> difference = right.covariance - left.covariance;
   const Vec<S, 2> n = across / length;
   const Vec<S, 2> t{-n[1], n[0]};
-  const S along = detail::weighted_product(n, sum, n);
-  const S aside = detail::weighted_product(t, sum, t);
+  const S along = std::max(detail::weighted_product(n, sum, n), S(0));
+  const S aside = std::max(detail::weighted_product(t, sum, t), S(0));
   // |d n + e| = d + n·e + (t·e)²/2d + …
   constexpr S k = S(kBaselineSigmas);
   const S allowed = k * std::sqrt(along) + k * k * aside / (2 * baseline) + rounding;
@@ -92,6 +91,7 @@ template <class S>
   }
   pose.covariance(2, 2) = aside / (baseline * baseline);
   if (!all_finite(pose.covariance)) return std::unexpected(Error::NumericOverflow);
+  pose.covariance = without_rounding<S, 3>(pose.covariance);
   return pose;
 }
 
