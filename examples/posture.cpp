@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <string_view>
 #include <vector>
 
 #include <uwbpos/sim/noise.hpp>
@@ -47,7 +48,8 @@ Result<Pose2<float>> tag_by_tag(const std::vector<TagRange<float, 2>>& ranges) {
 
 void print(const char* how, const Result<Pose2<float>>& pose) {
   if (!pose) {
-    std::printf("%-24s %s\n", how, describe(pose.error()).data());
+    const std::string_view why = describe(pose.error());
+    std::printf("%-24s %.*s\n", how, static_cast<int>(why.size()), why.data());
     return;
   }
   std::printf("%-24s x = %.2f m, y = %.2f m, heading %.1f +-%.1f deg\n", how,

@@ -15,24 +15,21 @@
 #include "uwbpos/solve/heading_guess.hpp"
 #include "uwbpos/solve/toa_roots.hpp"
 
-namespace uwbpos {
-
-namespace detail {
+namespace uwbpos::detail {
 
 inline constexpr int kPoseIterations = 50;
 
 /// The lowest minimum met, and the lowest of the others.
 template <class S, int D>
 struct PoseMinima {
-  static constexpr int N = D + 1;
-  Result<Minimum<S, N>> best = std::unexpected(Error::DegenerateGeometry);
-  Result<Minimum<S, N>> other = std::unexpected(Error::DegenerateGeometry);
+  Result<Minimum<S, D + 1>> best = std::unexpected(Error::DegenerateGeometry);
+  Result<Minimum<S, D + 1>> other = std::unexpected(Error::DegenerateGeometry);
 
-  void take(const PoseProblem<S, D>& problem, const Minimum<S, N>& found) {
+  void take(const PoseProblem<S, D>& problem, const Minimum<S, D + 1>& found) {
     const S circle = S(2) * std::numbers::pi_v<S> * problem.arm;
-    const auto same = [&](const Result<Minimum<S, N>>& kept) {
+    const auto same = [&](const Result<Minimum<S, D + 1>>& kept) {
       if (!kept) return false;
-      Vec<S, N> apart = found.state - kept->state;
+      Vec<S, D + 1> apart = found.state - kept->state;
       apart[D] = std::remainder(apart[D], circle);
       const S near = S(1e-3) * problem.largest;
       return squared_norm(apart) <= near * near;
@@ -101,6 +98,4 @@ bool is_sure(const HeadingGuess<S>& guess, S chi_squared, int degrees_of_freedom
   return S(16) * guess.variance * std::max(S(1), chi_squared / freedom) <= S(1);
 }
 
-}  // namespace detail
-
-}  // namespace uwbpos
+}  // namespace uwbpos::detail
