@@ -64,6 +64,21 @@ class Bytes {
   std::span<const std::uint8_t> bytes_;
 };
 
+/// Calls `run.operator()<S, D>(rest)` for the scalar and dimension that the first byte says.
+template <class Run>
+void with_scalar_and_dimension(Bytes bytes, const Run& run) {
+  switch (bytes.take<std::uint8_t>() & 3) {
+    case 0:
+      return run.template operator()<double, 2>(bytes);
+    case 1:
+      return run.template operator()<double, 3>(bytes);
+    case 2:
+      return run.template operator()<float, 2>(bytes);
+    default:
+      return run.template operator()<float, 3>(bytes);
+  }
+}
+
 }  // namespace uwbpos::fuzz
 
 /// The entry that libFuzzer calls, and that replay.cpp calls without it.

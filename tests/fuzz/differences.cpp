@@ -93,19 +93,7 @@ void run(Bytes bytes) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  Bytes bytes{std::span{data, size}};
-  switch (bytes.take<std::uint8_t>() & 3) {
-    case 0:
-      run<double, 2>(bytes);
-      break;
-    case 1:
-      run<double, 3>(bytes);
-      break;
-    case 2:
-      run<float, 2>(bytes);
-      break;
-    default:
-      run<float, 3>(bytes);
-  }
+  with_scalar_and_dimension(Bytes{std::span{data, size}},
+                            []<class S, int D>(Bytes bytes) { run<S, D>(bytes); });
   return 0;
 }

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "uwbpos/core/quaternion.hpp"
 #include "uwbpos/core/types.hpp"
 #include "uwbpos/sim/noise.hpp"
 
@@ -59,14 +60,7 @@ Mat<S, D> random_rotation(sim::Random& random) {
     const Vec<double, 2> u = random_direction<double, 2>(random);
     r << u(0), -u(1), u(1), u(0);
   } else {
-    const Vec<double, 4> q = random_direction<double, 4>(random);
-    const double w = q(0);
-    const double x = q(1);
-    const double y = q(2);
-    const double z = q(3);
-    r << 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),  //
-        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),   //
-        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y);
+    r = rotation_matrix<double>(random_direction<double, 4>(random));
   }
   return r.template cast<S>();
 }

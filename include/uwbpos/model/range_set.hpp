@@ -107,12 +107,16 @@ template <class S, int D>
 }
 
 /// The χ² that rounding alone may leave at the true position when the lengths met reach `largest`
-/// [m]. O(n), no allocation.
-template <class S, int D>
-[[nodiscard]] S chi_squared_rounding(RangeSpan<S, D> ranges, S largest) {
+/// [m]: of ranges, pseudoranges or differences, anything with a size and elements with a `sigma`.
+/// O(n), no allocation.
+template <class S, class V>
+[[nodiscard]] S chi_squared_rounding(const V& measurements, S largest) {
   const S length = S(4) * std::numeric_limits<S>::epsilon() * largest;
   S sum = S(0);
-  for (const RangeTo<S, D>& r : ranges) sum += (length / r.sigma) * (length / r.sigma);
+  for (std::size_t i = 0; i < measurements.size(); ++i) {
+    const S normalised = length / measurements[i].sigma;
+    sum += normalised * normalised;
+  }
   return sum;
 }
 

@@ -78,7 +78,7 @@ Result<Minimum<S, D>> locate_spanned(RangeSpan<S, D> ranges, const ToaRoots<S, D
   LocateOptions<S, D> relative = options;
   if (relative.prior) *relative.prior -= roots.center;
   return settle_images<S, D, D>(best, other, relative, static_cast<int>(ranges.size()) - D,
-                                roots.largest, chi_squared_rounding<S, D>(ranges, roots.largest));
+                                roots.largest, chi_squared_rounding(ranges, roots.largest));
 }
 
 template <class S, int D>

@@ -124,11 +124,7 @@ template <class S, int D, PseudorangeView<S, D> V>
   if (roots->count == 2) {
     LocateOptions<S, D> relative = options;
     if (relative.prior) *relative.prior -= roots->center;
-    S noise = S(0);
-    for (std::size_t i = 0; i < view.size(); ++i) {
-      const S normalised = pseudorange_rounding(*roots) / view[i].sigma;
-      noise += normalised * normalised;
-    }
+    const S noise = chi_squared_rounding(view, roots->largest);
     found = settle_images<S, D, D + 1>(found, pseudorange_minimum<S, D>(view, *roots, 1), relative,
                                        freedom, roots->largest, noise);
   }

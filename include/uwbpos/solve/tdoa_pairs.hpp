@@ -116,8 +116,7 @@ Result<Fix<S, D>> tdoa_least_squares(PairSpan<S, D> pairs, const LocateOptions<S
 
   LocateOptions<S, D> relative = options;
   if (relative.prior) *relative.prior -= center;
-  S noise = S(0);
-  for (const PairDifference<S, D>& d : pairs) noise += (rounding / d.sigma) * (rounding / d.sigma);
+  const S noise = chi_squared_rounding(pairs, largest);
   const Result<Minimum<S, D>> found =
       second ? settle_images<S, D, D>(first, second, relative, freedom, largest, noise) : first;
   if (!found) return std::unexpected(found.error());

@@ -43,7 +43,7 @@ Result<Mirror<S, D>> toa_closed_form(RangeSpan<S, D> span) {
     std::swap(better, worse);
   }
   const int freedom = static_cast<int>(span.size()) - D;
-  if (rules_out(better, worse, freedom, S(9), chi_squared_rounding<S, D>(span, roots->largest))) {
+  if (rules_out(better, worse, freedom, S(9), chi_squared_rounding(span, roots->largest))) {
     images.second = images.first;
   }
   if (!all_finite(images.first) || !all_finite(images.second)) {
