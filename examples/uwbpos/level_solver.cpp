@@ -65,7 +65,12 @@ Result<Fix<double, 2>> locate_level(Pairs pairs, double height,
   const auto descend_from = [&](const Vec<double, 2>& start) {
     constexpr int most = 50;
     const auto found = minimise<double, 2>(evaluate, start, kSettled, most);
-    if (!found || !Ldlt<double, 2>{found->information}.positive_definite()) return;
+    if (!found) return;
+    const Ldlt<double, 2> factor{found->information};
+    if (!factor.positive_definite()) return;
+    // Ran away from the anchors, to where nothing changes any more; see tdoa_pairs.hpp.
+    const double away = (found->state - (low + high) / 2).squaredNorm();
+    if (away > 4 * extent * extent && factor.inverse().trace() > away) return;
     if (!best || (found->chi_squared < best->chi_squared && !same(*found, *best))) {
       other = best;
       best = *found;
@@ -97,39 +102,13 @@ Result<Fix<double, 2>> locate_level(Pairs pairs, double height,
 Result<ExclusionFix<double, 2>> locate_level_excluding(Pairs pairs, double height,
                                                        const LocateOptions<double, 2>& options,
                                                        const ExclusionOptions<double>& exclusion) {
-  const auto passes = [&](const Fix<double, 2>& fix) {
-    return fix.degrees_of_freedom < 1 ||
-           fix.chi_squared <= chi_squared_gate(fix.degrees_of_freedom, exclusion.normal_quantile);
-  };
-  Result<Fix<double, 2>> fix = locate_level(pairs, height, options);
-  ExclusionFix<double, 2> result{{}, 0, 0, false};
-  while ((!fix || !passes(*fix)) && result.excluded_count < exclusion.max_excluded &&
-         pairs.size() <= static_cast<std::size_t>(kMaxMeasurements) &&
-         static_cast<int>(pairs.size()) - result.excluded_count - 1 > 2) {
-    Result<Fix<double, 2>> best = fix;
-    std::uint64_t dropped = 0;
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const std::uint64_t bit = std::uint64_t{1} << i;
-      if ((result.excluded & bit) != 0) continue;
-      std::vector<PairDifference<double, 3>> kept;
-      for (std::size_t j = 0; j < pairs.size(); ++j) {
-        if (((result.excluded | bit) >> j & 1) == 0) kept.push_back(pairs[j]);
-      }
-      const auto without = locate_level(kept, height, options);
-      if (without && (!best || without->chi_squared < best->chi_squared)) {
-        best = without;
-        dropped = bit;
-      }
-    }
-    if (dropped == 0) break;
-    fix = best;
-    result.excluded |= dropped;
-    ++result.excluded_count;
-  }
-  if (!fix) return std::unexpected(fix.error());
-  result.fix = *fix;
-  result.consistent = passes(*fix);
-  return result;
+  using Pair = PairDifference<double, 3>;
+  return exclude_outliers<Pair, double, 2>(
+      pairs, exclusion, options.prior,
+      [&](Pairs some) { return locate_level(some, height, options); },
+      [&](const Pair& d, const Vec<double, 2>& at) {
+        return residual_of<double, 3>(d, {at.x(), at.y(), height});
+      });
 }
 
 }  // namespace uwbpos::host

@@ -7,6 +7,8 @@ std::string_view reason_name(Error error) {
   switch (error) {
     case Error::NotFinite:
       return "not_finite";
+    case Error::NumericOverflow:
+      return "numeric_overflow";
     case Error::NonPositiveSigma:
       return "non_positive_sigma";
     case Error::InvalidOption:
@@ -49,24 +51,50 @@ std::string_view reason_name(Error error) {
       return "gap_too_long";
     case Error::ClockJump:
       return "clock_jump";
-    case Error::NumericOverflow:
-      return "numeric_overflow";
+    case Error::OutlierRejected:
+      return "outlier_rejected";
+    case Error::TooOld:
+      return "too_old";
+    case Error::NotYetLocated:
+      return "not_yet_located";
+    case Error::Unreachable:
+      return "unreachable";
+    case Error::TrackLost:
+      return "track_lost";
+    case Error::UnknownTag:
+      return "unknown_tag";
+    case Error::InvalidCovariance:
+      return "invalid_covariance";
+    case Error::NotARotation:
+      return "not_a_rotation";
+    case Error::RotationUndetermined:
+      return "rotation_undetermined";
+    case Error::UnknownSubnet:
+      return "unknown_subnet";
+    case Error::DuplicateSubnet:
+      return "duplicate_subnet";
     case Error::TemperatureOutOfRange:
       return "temperature_out_of_range";
     case Error::NoRepairFits:
       return "no_repair_fits";
     case Error::UnknownAnchor:
       return "unknown_anchor";
-    default:
-      return "other_error";
+    case Error::DuplicateAnchor:
+      return "duplicate_anchor";
+    case Error::CapacityExceeded:
+      return "capacity_exceeded";
+    case Error::InvalidTable:
+      return "invalid_table";
   }
+  return "unknown_error";
 }
 
 std::string_view reason_words(std::string_view name) {
   for (int i = 0; i < kErrorCount; ++i) {
     const auto error = static_cast<Error>(i);
-    if (reason_name(error) == name && name != "other_error") return describe(error);
+    if (reason_name(error) == name) return describe(error);
   }
+  if (name == "inconsistent") return "its measurements contradict one another beyond repair";
   if (name == "across_subnets") return "its two anchors belong to different subnets";
   return name;
 }

@@ -40,6 +40,25 @@ SubnetFrame fitted(const std::string& name, Id id, const Described& described) {
           fit->rms};
 }
 
+// The control anchor is the subnet's own, and stands at its origin in plan.
+void check_control_anchor(const std::string& name, Id subnet, Id control,
+                          const std::map<Id, std::size_t>& of_anchor, std::size_t place,
+                          const Points& anchors) {
+  const auto found = of_anchor.find(control);
+  if (found == of_anchor.end() || found->second != place || !anchors.contains(control)) {
+    throw Failure{fmt::format("{}: subnet {}: its control anchor {} is none of its anchors", name,
+                              subnet, control)};
+  }
+  constexpr double near = 0.1;  // [m]
+  const Vec3& at = anchors.at(control);
+  if (at.head<2>().norm() > near) {
+    throw Failure{
+        fmt::format("{}: subnet {}: its control anchor {} is at ({:.2f}, {:.2f}) m in the anchors "
+                    "file; expected it at the origin of the subnet",
+                    name, subnet, control, at.x(), at.y())};
+  }
+}
+
 }  // namespace
 
 SubnetTable read_subnets(const std::filesystem::path& file,
@@ -68,12 +87,17 @@ SubnetTable read_subnets(const std::filesystem::path& file,
       const double turn = row.optional_positive(kSigmaYaw).value_or(0) * degree;
       const double move = sigma.value_or(0);
       const Vec<double, 3> variances{move * move, move * move, turn * turn};
+      if (described.given) throw std::runtime_error{"this subnet's transform was given before"};
+      if (!described.points.empty()) {
+        throw std::runtime_error{"this subnet was described by shared points before"};
+      }
       const auto transform = transform_from_yaw<double, 2>(*yaw * degree, {at.x(), at.y()},
                                                            Mat<double, 3>{variances.asDiagonal()});
       if (!transform) throw std::runtime_error{std::string{describe(transform.error())}};
       described.given = SubnetFrame{id, 0, *transform, {at.z(), move * move}, 0};
       return;
     }
+    if (described.given) throw std::runtime_error{"this subnet's transform was given before"};
     const auto anchor = anchors.find(row.id(kAnchor));
     if (anchor == anchors.end()) {
       throw std::runtime_error{"anchor_id: the anchors file does not have it"};
@@ -103,6 +127,12 @@ SubnetTable read_subnets(const std::filesystem::path& file,
     const auto place = places.find(row.id(1));
     if (place != places.end()) table.of_anchor.emplace(row.id(0), place->second);
   });
+  for (const auto& [id, described] : subnets) {
+    if (described.control_anchor) {
+      check_control_anchor(name, id, *described.control_anchor, table.of_anchor, places.at(id),
+                           anchors);
+    }
+  }
   table.local = anchors;
   std::erase_if(anchors, [&](const auto& entry) { return !table.of_anchor.contains(entry.first); });
   for (auto& [id, position] : anchors) {

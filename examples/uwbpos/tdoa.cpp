@@ -2,6 +2,7 @@
 #include "tdoa.hpp"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -83,6 +84,16 @@ std::vector<PairDifference<double, 3>> all_pairs_of_blink(const DifferenceEpoch&
   return pairs;
 }
 
+// More outliers than exclusion can tell: a contradiction even if noise were twice what it is taken
+// to be.
+bool beyond_help(const Solved& solved) {
+  constexpr double doubled = 4;  // of variances
+  return !solved.consistent &&
+         solved.chi_squared >
+             doubled * chi_squared_gate(solved.degrees_of_freedom,
+                                        ExclusionOptions<double>{}.normal_quantile);
+}
+
 // Solves epochs one after the other; remembers each tag's last position.
 class DifferenceSolver {
  public:
@@ -113,7 +124,7 @@ class DifferenceSolver {
     Result<Solved> solved = site_.subnets.empty() ? in_frame(epoch, site_.anchors, height, prior)
                             : dim_ == 3           ? in_subnets<3>(epoch, height, prior)
                                                   : in_subnets<2>(epoch, height, prior);
-    if (solved) last_[epoch.tag] = solved->position;
+    if (solved && !beyond_help(*solved)) last_[epoch.tag] = solved->position;
     return solved;
   }
 
@@ -123,7 +134,7 @@ class DifferenceSolver {
  private:
   // One in this many may be an outlier before an epoch is beyond help.
   [[nodiscard]] ExclusionOptions<double> exclusion() const {
-    constexpr int share = 4;
+    constexpr int share = 3;
     return {.max_excluded = static_cast<int>(pairs_.size()) / share};
   }
 
@@ -221,7 +232,12 @@ class DifferenceSolver {
     if (settings_.side != Side::kUnknown) {
       options.side = {0, 0, settings_.side == Side::kAbove ? 1.0 : -1.0};
     }
-    const auto attempt = [&] { return locate_excluding(pairs_, options, exclusion()); };
+    using Pair = PairDifference<double, 3>;
+    const auto attempt = [&] {
+      return exclude_outliers<Pair, double, 3>(
+          pairs_, exclusion(), prior, [&](Pairs some) { return locate(some, options); },
+          [](const Pair& d, const Vec3& at) { return residual_of<double, 3>(d, at); });
+    };
     auto fix = timed(attempt);
     if (!fix && fix.error() == Error::AmbiguousSolution && prior) {
       options.prior = prior;
@@ -292,6 +308,8 @@ std::vector<Difference> usable(const Settings& settings, const Site& site, bool 
                                const std::vector<Difference>& differences, Replay& result) {
   std::vector<Difference> kept;
   kept.reserve(differences.size());
+  std::set<std::array<Id, 3>> of_this_time;  // tag and anchors
+  double time = 0;
   for (Difference d : differences) {
     const auto& only = settings.only_tags;
     if (!only.empty() && std::ranges::find(only, d.tag) == only.end()) continue;
@@ -304,6 +322,11 @@ std::vector<Difference> usable(const Settings& settings, const Site& site, bool 
     if (!site.subnets.empty() &&
         site.subnets.of_anchor.at(d.anchor_a) != site.subnets.of_anchor.at(d.anchor_b)) {
       ++result.refused_readings["across_subnets"];
+      continue;
+    }
+    if (d.t != std::exchange(time, d.t)) of_this_time.clear();
+    if (!of_this_time.insert({d.tag, d.anchor_a, d.anchor_b}).second) {
+      ++result.duplicates;
       continue;
     }
     if (!site.tags.empty() && !site.tags.contains(d.tag)) ++result.unknown_tags[d.tag];
@@ -365,22 +388,41 @@ DifferenceRule difference_rule(const std::vector<Difference>& differences, int d
                                std::optional<double> window) {
   constexpr std::size_t any = std::numeric_limits<std::size_t>::max();
   if (window) return {*window, any, any};
-  std::map<Id, double> last;
-  std::vector<double> gaps;
-  std::size_t with_neighbour = 0;
-  for (const Difference& d : differences) {
-    const auto [tag, fresh] = last.try_emplace(d.tag, d.t);
-    if (!fresh) gaps.push_back(d.t - tag->second);
-    if (!fresh && d.t == tag->second) ++with_neighbour;
-    tag->second = d.t;
-  }
-  if (2 * with_neighbour > differences.size()) return {0, any, any};
+  const auto unknowns = static_cast<std::size_t>(dim);
+  struct Stamp {
+    double first;
+    double last;
+    std::size_t rows;  // with the last time
+  };
+  std::map<Id, Stamp> of_tag;
+  std::size_t times = 0;
+  std::size_t whole = 0;  // times with enough rows for a position
+  const auto settle = [&](const Stamp& s) {
+    ++times;
+    whole += s.rows > unknowns ? 1 : 0;
+  };
+  double pauses = 0;  // longer than any epoch
+  double spans = 0;
   constexpr double shortest = 0.2;  // [s]
   constexpr double longest = 0.5;
-  const auto unknowns = static_cast<std::size_t>(dim);
+  for (const Difference& d : differences) {
+    const auto [found, fresh] = of_tag.try_emplace(d.tag, Stamp{d.t, d.t, 0});
+    Stamp& s = found->second;
+    if (d.t != s.last) {
+      settle(s);
+      if (d.t - s.last > longest) pauses += d.t - s.last;
+      s = {s.first, d.t, 0};
+    }
+    ++s.rows;
+  }
+  for (const auto& [tag, s] : of_tag) {
+    settle(s);
+    spans += s.last - s.first;
+  }
+  if (4 * whole > 3 * times) return {0, any, any};
   const std::size_t enough = 5 * (unknowns + 1);
-  const double usual =
-      gaps.empty() ? shortest : static_cast<double>(enough) * median(std::move(gaps));
+  const double usual = static_cast<double>(enough) * (spans - pauses) /
+                       static_cast<double>(std::max<std::size_t>(1, differences.size()));
   return {std::clamp(usual, shortest, longest), enough, unknowns + 2};
 }
 
@@ -442,6 +484,10 @@ Replay replay_differences(Settings settings, const Site& site,
     const Result<Solved> solved = solver.solve(epoch);
     if (!solved) {
       ++of_tag.rejected[std::string{reason_name(solved.error())}];
+      continue;
+    }
+    if (beyond_help(*solved)) {
+      ++of_tag.rejected["inconsistent"];
       continue;
     }
     ++of_tag.solved;

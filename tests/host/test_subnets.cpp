@@ -130,6 +130,11 @@ TEST_CASE("Differences across subnets are refused, and files that make no subnet
   refuses("subnet_id,x_m,y_m,z_m,anchor_id\n1,0,0,3,0\n");
   refuses("subnet_id,x_m,y_m,z_m,anchor_id\n1,0,0,3,99\n");
   refuses("subnet_id,x_m,y_m,z_m,anchor_id,yaw_deg\n1,0,0,3,1,20\n");
+  // Twice, a control anchor that nobody has, one of the neighbour's, one that is off the origin.
+  refuses("subnet_id,x_m,y_m,z_m,yaw_deg\n1,0,0,3,0\n1,5,0,3,0\n");
+  refuses("subnet_id,x_m,y_m,z_m,yaw_deg,control_anchor_id\n1,0,0,3,0,777\n");
+  refuses("subnet_id,x_m,y_m,z_m,yaw_deg,control_anchor_id\n1,0,0,3,0,10\n");
+  refuses("subnet_id,x_m,y_m,z_m,yaw_deg,control_anchor_id\n1,0,0,3,0,1\n");
 }
 
 }  // namespace

@@ -117,6 +117,55 @@ TEST_CASE("Differences that come one by one are gathered; rounds of one time sta
   for (const DifferenceEpoch& epoch : rounds) CHECK(epoch.differences.size() == 10);
 }
 
+TEST_CASE(
+    "Stamps too coarse for rounds are gathered all the same; a row logged twice counts once") {
+  const Site site = arena();
+  const auto log = differences_of(site, "coarse stamps", 0.07);
+  auto coarse = log;  // three to five of a stamp, where four make a position
+  for (std::size_t i = 0; i < coarse.size(); ++i) {
+    coarse[i].t = 0.04 * static_cast<double>(i / 12 * 3 + (i % 12 < 3 ? 0 : i % 12 < 7 ? 1 : 2));
+  }
+  const Replay gathered = replay_differences({}, site, coarse);
+  CHECK(gathered.all.solved == gathered.all.epochs);
+  CHECK(gathered.all.epochs < 100);
+  CHECK(gathered.all.error.max < 1);
+  auto twice = log;
+  twice.insert(twice.end(), log.begin(), log.end());
+  std::ranges::stable_sort(twice, {}, &Difference::t);
+  const Replay once = replay_differences({}, site, log);
+  const Replay doubled = replay_differences({}, site, twice);
+  CHECK(doubled.duplicates == log.size());
+  CHECK(doubled.all.error.rmse == once.all.error.rmse);
+}
+
+TEST_CASE(
+    "Anchors heard in a ring: outliers that hide one another are found from the last position") {
+  const Site site = arena();
+  sim::Random random{"ring"};
+  std::vector<Difference> log;
+  for (int i = 0; i < 6000; ++i) {
+    const double t = 0.01 * i / 6;
+    const auto a = static_cast<Id>(i % 8 + 1);
+    const Id b = a % 8 + 1;
+    const Vec3 tag = *site.truth.point_at(t, Vec3::Zero());
+    const bool outlier = random.chance(0.07);
+    const double off = random.uniform(0.5, 4) * (random.chance(0.5) ? 1 : -1);
+    log.push_back({t,
+                   0,
+                   a,
+                   b,
+                   (tag - site.anchors.at(b)).norm() - (tag - site.anchors.at(a)).norm() +
+                       random.normal(0, kSigma) + (outlier ? off : 0),
+                   {},
+                   0});
+  }
+  const Replay result = replay_differences({}, site, log);
+  CHECK(result.all.solved + result.all.rejected["inconsistent"] == result.all.epochs);
+  CHECK(result.all.solved > 0.99 * static_cast<double>(result.all.epochs));
+  // Ten times the median would be an outlier that got through.
+  CHECK(result.all.error.max < 10 * result.all.error.median);
+}
+
 TEST_CASE("In the plane at a known height the covariance predicts the error") {
   const Site site = arena();
   sim::Random random{"level"};

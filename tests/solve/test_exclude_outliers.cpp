@@ -101,6 +101,65 @@ TEST_CASE_TEMPLATE("exclusion: without redundancy it says nothing, with too many
   CHECK(none->excluded == 0);
 }
 
+TEST_CASE_TEMPLATE("exclusion: what is faulty by itself goes first, however much of it", S, float,
+                   double) {
+  const auto corners = test::four_corners<S>();
+  const Vec<S, 2> tag{4, 3};
+  std::vector<PairDifference<S, 2>> pairs;
+  for (std::size_t i = 0; i < 8; ++i) {
+    const auto& a = corners[i % 4];
+    const auto& b = corners[(i % 4 + 1 + i / 4) % 4];
+    pairs.push_back({a, b, test::true_difference<S, 2>(tag, a, b)});
+  }
+  pairs[1].difference = 100;  // beyond its baseline
+  pairs[4].difference = -100;
+  pairs[6].difference = std::numeric_limits<S>::quiet_NaN();
+  const auto kept = locate_excluding(pairs);
+  REQUIRE(kept);
+  CHECK(kept->excluded == 0b1010010);
+  CHECK(kept->excluded_count == 3);
+  CHECK(kept->fix.degrees_of_freedom == 3);
+  // Eight digits of float on a room of ten metres.
+  CHECK(static_cast<double>((kept->fix.position - tag).norm()) < 1e-4);
+
+  for (auto& d : pairs) d.difference = 100;
+  CHECK(locate_excluding(pairs).error() == Error::ImpossibleDifference);
+}
+
+TEST_CASE("exclusion: a prior position finds liars that hide one another") {
+  // Each anchor is heard against its neighbour only, and two or three times in all.
+  const std::vector<Vec<double, 3>> anchors{{-2.4, -4.2, 0.2}, {-2.8, 3.3, 0.2}, {2.9, 3.7, 0.3},
+                                            {2.5, -4, 3.2},    {-2.6, -4.3, 3},  {-2.7, 3.2, 3},
+                                            {2.8, 3.6, 3.3},   {2.9, -4.1, 0.2}};
+  sim::Random random{"a ring of pairs"};
+  int far = 0;
+  int inconsistent = 0;
+  constexpr int kTrials = 1000;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    const auto tag = test::random_in_box<double, 3>(random, {-2, -2, 1}, {2, 2, 2});
+    std::vector<PairDifference<double, 3>> pairs;
+    for (std::size_t i = 0; i < 20; ++i) {
+      const auto& a = anchors[i % 8];
+      const auto& b = anchors[(i + 1) % 8];
+      const bool lies = random.chance(0.1);
+      const double lie = random.uniform(0.5, 4) * (random.chance(0.5) ? 1 : -1);
+      pairs.push_back(
+          {a, b,
+           test::true_difference<double, 3>(tag, a, b) + random.normal(0, 0.1) + (lies ? lie : 0),
+           0.1});
+    }
+    LocateOptions<double, 3> options;
+    options.prior = tag + Vec<double, 3>{0.1, -0.1, 0.1};
+    const auto kept = locate_excluding(pairs, options, {.max_excluded = 6});
+    REQUIRE(kept);
+    far += (kept->fix.position - tag).norm() > 1 ? 1 : 0;
+    inconsistent += kept->consistent ? 0 : 1;
+  }
+  // Without the prior some eight are metres off. More than six of twenty lie in one set of 400.
+  CHECK(far <= 2);
+  CHECK(inconsistent <= 10);
+}
+
 TEST_CASE_TEMPLATE("exclusion: what cannot be is refused by name", S, float, double) {
   auto ranges = test::ranges_between<S, 2>({4, 3}, test::four_corners<S>());
   CHECK(locate_excluding(ranges, {}, {.max_excluded = -1}).error() == Error::InvalidOption);

@@ -86,6 +86,34 @@ TEST_CASE("pairs: their error is at the bound and their covariance predicts it")
   CHECK(test::mean_nees_interval(3, kTrials, 0.999).contains(nees / kTrials));
 }
 
+TEST_CASE_TEMPLATE("pairs: outliers never send a position to infinity", S, float, double) {
+  const std::vector<Vec<S, 3>> anchors{{S(-2.4), S(-4.2), S(0.2)}, {S(-2.8), S(3.3), S(0.2)},
+                                       {S(2.9), S(3.7), S(0.3)},   {S(2.5), S(-4), S(3.2)},
+                                       {S(-2.6), S(-4.3), 3},      {S(-2.7), S(3.2), 3},
+                                       {S(2.8), S(3.6), S(3.3)},   {S(2.9), S(-4.1), S(0.2)}};
+  sim::Random random{"to infinity"};
+  double farthest = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    const auto tag = test::random_in_box<S, 3>(random, {-2, -2, 1}, {2, 2, 2});
+    std::vector<PairDifference<S, 3>> pairs;
+    while (pairs.size() < 9) {
+      const int first = random.integer(0, 7);
+      const auto& a = anchors[static_cast<std::size_t>(first)];
+      const auto& b = anchors[static_cast<std::size_t>((first + random.integer(1, 7)) % 8)];
+      const bool lies = random.chance(0.15);
+      const double lie = random.uniform(0.5, 4) * (random.chance(0.5) ? 1 : -1);
+      const double noise = random.normal(0, 0.1) + (lies ? lie : 0);
+      const S difference = test::true_difference<S, 3>(tag, a, b) + static_cast<S>(noise);
+      if (std::abs(difference) < norm<S, 3>(a - b)) pairs.push_back({a, b, difference, S(0.1)});
+    }
+    const auto fix = locate(pairs);
+    if (!fix) continue;
+    farthest = std::max(farthest, static_cast<double>(fix->position.norm()));
+  }
+  // Before runaways were told by their own covariance: kilometres in three of ten thousand.
+  CHECK(farthest < 200);
+}
+
 TEST_CASE_TEMPLATE("pairs: what cannot be is refused by name", S, float, double) {
   const Vec<S, 3> tag{3, 5, 1};
   const std::vector<std::pair<int, int>> chain{{0, 1}, {1, 2}, {2, 3}, {3, 4}, {4, 5}};

@@ -10,9 +10,12 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
+#include <span>
 
 #include "uwbpos/core/chi_squared.hpp"
 #include "uwbpos/solve/locate.hpp"
@@ -46,6 +49,131 @@ template <class R>
 inline constexpr int kMeasurementDimension =
     decltype(locate(std::declval<const R&>())->position)::RowsAtCompileTime;
 
+/// What is wrong with one range by itself, or nothing.
+template <class S, int D>
+[[nodiscard]] std::optional<Error> fault_of(const RangeTo<S, D>& r) {
+  return check_ranges<S, D>(RangeSpan<S, D>{&r, 1}, 1);
+}
+
+/// What is wrong with one difference by itself, or nothing.
+template <class S, int D>
+[[nodiscard]] std::optional<Error> fault_of(const PairDifference<S, D>& d) {
+  return check_pairs<S, D>(PairSpan<S, D>{&d, 1}, 1);
+}
+
+/// Measured minus predicted [m].
+template <class S, int D>
+[[nodiscard]] S residual_of(const RangeTo<S, D>& r, const Vec<S, D>& position) {
+  return r.range - predict_range<S, D>(position, r.anchor).range;
+}
+
+/// Measured minus predicted [m].
+template <class S, int D>
+[[nodiscard]] S residual_of(const PairDifference<S, D>& d, const Vec<S, D>& position) {
+  return d.difference - predict_range_difference<S, D>(position, d.anchor_a, d.anchor_b).difference;
+}
+
+/// Excludes with any solver. `locate_set(span)` gives the fix of some of the measurements,
+/// `residual(measurement, position)` says what is left of one [m]. Three steps: those that are
+/// faulty by themselves go; then one after the other, each time that without which χ² falls most;
+/// then, as outliers may hide one another, those that a descent with Cauchy's weights, from `prior`
+/// if there is one, leaves far off go at once, where that explains as much with as few left out
+/// (with a prior, with one more).
+/// No allocation but what `locate_set` does.
+template <class Measurement, class S, int D, class LocateSet, class ResidualOf>
+[[nodiscard]] Result<ExclusionFix<S, D>> exclude_outliers(std::span<const Measurement> all,
+                                                          const ExclusionOptions<S>& exclusion,
+                                                          const std::optional<Vec<S, D>>& prior,
+                                                          const LocateSet& locate_set,
+                                                          const ResidualOf& residual) {
+  if (exclusion.max_excluded < 0 || !std::isfinite(exclusion.normal_quantile)) {
+    return std::unexpected(Error::InvalidOption);
+  }
+  if (all.size() > static_cast<std::size_t>(kMaxMeasurements)) {
+    return std::unexpected(Error::TooManyMeasurements);
+  }
+  const auto passes = [&](const Fix<S, D>& fix) {
+    return fix.degrees_of_freedom < 1 ||
+           fix.chi_squared <= chi_squared_gate(fix.degrees_of_freedom, exclusion.normal_quantile);
+  };
+  const auto bit = [](std::size_t i) { return std::uint64_t{1} << i; };
+  std::array<Measurement, kMaxMeasurements> kept;
+  const auto locate_without = [&](std::uint64_t excluded) {
+    std::size_t size = 0;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if ((excluded & bit(i)) == 0) kept[size++] = all[i];
+    }
+    return locate_set(std::span<const Measurement>{kept.data(), size});
+  };
+
+  std::uint64_t faulty = 0;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (fault_of(all[i])) faulty |= bit(i);
+  }
+  const int sound = static_cast<int>(all.size()) - std::popcount(faulty);
+  Result<Fix<S, D>> fix = sound < D ? locate_set(all) : locate_without(faulty);
+  std::uint64_t excluded = faulty;
+  const int most = std::min(exclusion.max_excluded, sound - D - 1);
+  for (int count = 0; (!fix || !passes(*fix)) && count < most; ++count) {
+    Result<Fix<S, D>> best = fix;
+    S lowest = fix ? fix->chi_squared : std::numeric_limits<S>::infinity();
+    std::uint64_t dropped = 0;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if ((excluded & bit(i)) != 0) continue;
+      const Result<Fix<S, D>> without = locate_without(excluded | bit(i));
+      if (without && without->chi_squared < lowest) {
+        lowest = without->chi_squared;
+        best = without;
+        dropped = bit(i);
+      }
+    }
+    if (dropped == 0) break;
+    fix = best;
+    excluded |= dropped;
+  }
+
+  const bool suspected = !fix || !passes(*fix) || excluded != faulty;
+  if (suspected && most > 1 && (fix || prior)) {
+    constexpr int kIterations = 12;
+    constexpr S kCauchy = S(2);   // sigmas where the weight is one half
+    constexpr S kOutlier = S(4);  // sigmas
+    Vec<S, D> at = prior ? *prior : fix->position;
+    bool found = true;
+    for (int iteration = 0; found && iteration < kIterations; ++iteration) {
+      std::size_t size = 0;
+      for (std::size_t i = 0; i < all.size(); ++i) {
+        if ((faulty & bit(i)) != 0) continue;
+        const S sigmas = residual(all[i], at) / (kCauchy * all[i].sigma);
+        kept[size] = all[i];
+        kept[size++].sigma *= std::sqrt(S(1) + sigmas * sigmas);
+      }
+      const Result<Fix<S, D>> weighted =
+          locate_set(std::span<const Measurement>{kept.data(), size});
+      found = weighted.has_value();
+      if (found) at = weighted->position;
+    }
+    std::uint64_t far = faulty;
+    for (std::size_t i = 0; found && i < all.size(); ++i) {
+      if ((faulty & bit(i)) == 0 && std::abs(residual(all[i], at)) > kOutlier * all[i].sigma) {
+        far |= bit(i);
+      }
+    }
+    // A prior position is worth one measurement more.
+    const int own = fix && passes(*fix) ? std::popcount(excluded) : kMaxMeasurements;
+    const int others = std::popcount(far);
+    if (found && others - std::popcount(faulty) <= most && others <= own + (prior ? 1 : 0)) {
+      const Result<Fix<S, D>> without = locate_without(far);
+      if (without && passes(*without) &&
+          (prior || others < own || without->chi_squared < fix->chi_squared)) {
+        fix = without;
+        excluded = far;
+      }
+    }
+  }
+  if (!fix) return std::unexpected(fix.error());
+  return ExclusionFix<S, D>{*fix, excluded, std::popcount(excluded), passes(*fix)};
+}
+
 namespace detail {
 
 /// `locate_excluding` for one kind of measurement.
@@ -53,46 +181,10 @@ template <class Measurement, class S, int D>
 Result<ExclusionFix<S, D>> locate_excluding(std::span<const Measurement> all,
                                             const LocateOptions<S, D>& options,
                                             const ExclusionOptions<S>& exclusion) {
-  if (exclusion.max_excluded < 0 || !std::isfinite(exclusion.normal_quantile)) {
-    return std::unexpected(Error::InvalidOption);
-  }
-  const auto passes = [&](const Fix<S, D>& fix) {
-    return fix.degrees_of_freedom < 1 ||
-           fix.chi_squared <= chi_squared_gate(fix.degrees_of_freedom, exclusion.normal_quantile);
-  };
-
-  Result<Fix<S, D>> fix = locate(all, options);
-  std::uint64_t excluded = 0;
-  int count = 0;
-  const int most = std::min(exclusion.max_excluded, static_cast<int>(all.size()) - D - 1);
-  while (all.size() <= static_cast<std::size_t>(kMaxMeasurements) && (!fix || !passes(*fix)) &&
-         count < most) {
-    Result<Fix<S, D>> best = fix;
-    S lowest = fix ? fix->chi_squared : std::numeric_limits<S>::infinity();
-    std::uint64_t dropped = 0;
-    for (std::size_t i = 0; i < all.size(); ++i) {
-      const std::uint64_t bit = std::uint64_t{1} << i;
-      if ((excluded & bit) != 0) continue;
-      std::array<Measurement, kMaxMeasurements> kept;
-      std::size_t size = 0;
-      for (std::size_t j = 0; j < all.size(); ++j) {
-        if (((excluded | bit) >> j & 1) == 0) kept[size++] = all[j];
-      }
-      const Result<Fix<S, D>> without =
-          locate(std::span<const Measurement>{kept.data(), size}, options);
-      if (without && without->chi_squared < lowest) {
-        lowest = without->chi_squared;
-        best = without;
-        dropped = bit;
-      }
-    }
-    if (dropped == 0) break;
-    fix = best;
-    excluded |= dropped;
-    ++count;
-  }
-  if (!fix) return std::unexpected(fix.error());
-  return ExclusionFix<S, D>{*fix, excluded, count, passes(*fix)};
+  return exclude_outliers<Measurement, S, D>(
+      all, exclusion, options.prior,
+      [&](std::span<const Measurement> some) { return locate(some, options); },
+      [](const Measurement& m, const Vec<S, D>& at) { return residual_of<S, D>(m, at); });
 }
 
 }  // namespace detail

@@ -64,7 +64,7 @@ Result<FsriShot<S, kMaxFsriReceivers, D>> solve_shot(std::span<const Vec<S, D>> 
   shot.position = best.fix.position;
   shot.lag = best.fix.bias;
   shot.repair = best.repair;
-  shot.ambiguous = search.other().cost < search.best().cost + kDoubtfulCost<S>;
+  shot.ambiguous = search.ambiguous();
   S squares = S(0);
   for (std::size_t i = 0; i < lengths.size(); ++i) {
     const S length = lengths[i] + static_cast<S>(shot.repair[i]) * options->wavelength;
@@ -99,8 +99,10 @@ Result<FsriShot<S, kMaxFsriReceivers, D>> solve_shot(std::span<const Vec<S, D>> 
 ///
 /// Cost: at most (2 · max_repair + 1)^(n−1) repairs, each a solution of O(n·D²). The order leaves
 /// 15 of them for three receivers in the plane and 35 for four in space, some microseconds on a
-/// desktop; the bounds of fsri_search.hpp keep eight receivers below a millisecond, but for eight
-/// in line, all late by waves of their own, which take a few. About 2 kB of stack, no allocation.
+/// desktop. With more receivers the bounds of fsri_search.hpp leave tens to hundreds where lags
+/// grow with distance; where each receiver is late by waves of its own, thousands. A search ends
+/// after `kMostSolutions`, tens of milliseconds, with an answer called ambiguous or with
+/// Error::NotConverged. About 2 kB of stack, no allocation.
 /// Errors: those of `resolve_fsri_options`, `check_shot` and `ReceiverArray::make`;
 /// Error::NoRepairFits, none of at most max_repair waves brings the lag within [0, max_lag] and the
 /// lengths into agreement; Error::InconsistentRanges, Error::DegenerateGeometry,

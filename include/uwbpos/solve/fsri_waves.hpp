@@ -80,6 +80,14 @@ class WaveAssignment {
     return sum;
   }
 
+  /// Whether the first `joined` have the same number. O(n).
+  [[nodiscard]] bool alike(std::size_t joined) const {
+    for (std::size_t i = 1; i < joined; ++i) {
+      if ((*this)[i] != (*this)[0]) return false;
+    }
+    return true;
+  }
+
   /// The least of `moved` over all shifts. O(n · max_repair).
   [[nodiscard]] int fewest_moved(std::size_t joined) const {
     int fewest = kTooMany;
