@@ -10,20 +10,22 @@
 ///   (2) ΔB − ΔA is its own signed residue as long as |δ|ΔA < W/2, however often both wrapped;
 ///   (3) ΔA = residue + kW, with the k that brings it nearest to the host's interval.
 /// A k that is wrong by one scales δ by ΔA/(ΔA ± W) and does nothing else. It happens: a host that
-/// reads a queue sees intervals that are not those of the exchanges. So where the second nearest k
-/// explains the stamps by the tracked rate and the nearest does not, it is taken; and while no rate
-/// is known that could tell two plausible ones apart, the variance says so. A long gap, over which
-/// the host cannot be wrong by much, settles it.
+/// reads a queue sees intervals that are not those of the exchanges, and next to nothing of what
+/// was lost where the queue overflowed. So k is checked twice. Where the nearest k does not explain
+/// the stamps by the tracked rate, the one that does, ΔA ≈ (ΔB − ΔA)/δ, is taken if the queue may
+/// hide it. And until it has once been alone within the bounds of phase_window.hpp, which know
+/// nothing of k, a tracked rate outside them is replaced by the one inside. While neither tells two
+/// plausible ones apart the variance says so.
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <utility>
 
 #include "uwbpos/core/constants.hpp"
 #include "uwbpos/core/result.hpp"
 #include "uwbpos/core/types.hpp"
 #include "uwbpos/time/device_time.hpp"
+#include "uwbpos/time/phase_window.hpp"
 #include "uwbpos/time/unwrap.hpp"
 
 namespace uwbpos {
@@ -44,9 +46,13 @@ struct RateTrackerOptions {
   /// A pair that the host saw this much before the last one [µs] is late or repeated, not a sign
   /// that the host's clock was set back.
   std::int64_t reorder_window = 1'000'000;
-  /// How far the host's interval may be off [µs]: when two wrap counts of A lie within it, host
-  /// time alone does not tell them apart.
+  /// How far the host's interval is off as a rule [µs]: when two wrap counts of A lie within it,
+  /// one interval of host time does not tell them apart.
   std::int64_t host_jitter = 50'000;
+  /// How late at most the host sees an event [µs], the length of the queue it reads: what any of
+  /// its intervals, however long, may be off. At most ten seconds. Where `host_jitter` leaves a
+  /// doubt, the rate settles within a few times this.
+  std::int64_t host_lag = 2'000'000;
 };
 
 /// Follows the rate of clock B against clock A from pairs of stamps of the same events.
@@ -71,8 +77,8 @@ class RateTracker {
   /// Errors, in the order they are looked for:
   /// - InvalidOption: an option is NaN or outside its domain: σ and bound in (0, 1), wander and
   /// step
-  ///   in [0, 1), 0 < `max_gap` ≤ 1000 h, 0 ≤ `reorder_window`, 0 ≤ `host_jitter` ≤ `max_gap`.
-  ///   Nothing changes.
+  ///   in [0, 1), 0 < `max_gap` ≤ 1000 h, 0 ≤ `reorder_window`, 0 ≤ `host_jitter` ≤ `max_gap`,
+  ///   0 ≤ `host_lag` ≤ 10 s. Nothing changes.
   /// - TimeNotIncreasing: host time stands still or steps back, or both stamps
   ///   are those of the last event once more (nothing changes). A step back within
   ///   `reorder_window` is a late or repeated frame and is ignored; a longer one starts afresh.
@@ -99,13 +105,17 @@ class RateTracker {
 
  private:
   static constexpr S kGate = 6;
+  static constexpr std::int64_t kWrap = DeviceTime<Bits>::kWrap;
+  // The longest window, in lags: bounds of 1 ± 1/8, and little time to wander.
+  static constexpr std::int64_t kWindowLags = 8;
 
   [[nodiscard]] bool valid() const {
     const auto& o = options_;
     return o.sigma_timestamp > 0 && o.sigma_timestamp < 1 && o.max_clock_offset > 0 &&
            o.max_clock_offset < 1 && o.wander >= 0 && o.wander < 1 && o.max_rate_step >= 0 &&
            o.max_rate_step < 1 && o.max_gap > 0 && o.max_gap <= 3'600'000'000'000 &&
-           o.reorder_window >= 0 && o.host_jitter >= 0 && o.host_jitter <= o.max_gap;
+           o.reorder_window >= 0 && o.host_jitter >= 0 && o.host_jitter <= o.max_gap &&
+           o.host_lag >= 0 && o.host_lag <= 10'000'000;
   }
 
   // 63 897.6 ticks a microsecond; a thousand hours are 2.3e17.
@@ -123,6 +133,7 @@ class RateTracker {
   Error restart(DeviceTime<Bits> a, DeviceTime<Bits> b, std::int64_t host, Error reason) {
     reset();
     rebase(a, b, host);
+    window_.start(host);
     return reason;
   }
 
@@ -130,10 +141,12 @@ class RateTracker {
   DeviceTime<Bits> a_;
   DeviceTime<Bits> b_;
   std::int64_t host_ = 0;
+  PhaseWindow<S> window_;
   Measured<S> state_{};
   bool based_ = false;
   bool tracked_ = false;
   bool jumped_ = false;
+  bool settled_ = false;  // once, no other wrap count lay within the bounds
 };
 
 template <class S, unsigned Bits>
@@ -165,52 +178,93 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
   const std::int64_t difference =
       DeviceTime<Bits>{b.ticks() - b_.ticks()} - DeviceTime<Bits>{a.ticks() - a_.ticks()};
   const auto rate_over = [&](std::int64_t ticks) { return S(difference) / S(ticks); };
-  const bool doubtful = run.other && run.other_mismatch <= to_ticks(options_.host_jitter);
+  const std::int64_t lag = to_ticks(options_.host_lag);
+  std::int64_t allowed = to_ticks(options_.host_jitter);
+  const bool doubtful = run.other && run.other_mismatch <= allowed;
 
   const S wander = options_.wander * options_.wander * kTickSeconds<S>;
   const S walk = wander * S(host_interval);
   // The measurement is the mean rate over the interval, not the rate at its end.
   const auto noise_over = [&](std::int64_t ticks) {
     const S stamp = options_.sigma_timestamp / (S(ticks) * kTickSeconds<S>);
-    return 2 * stamp * stamp + walk / 3;
+    return 2 * stamp * stamp + wander * S(ticks) / 3;
   };
-  S measured = rate_over(run.nearest);
-  S noise = noise_over(run.nearest);
-  S doubt = doubtful ? std::abs(measured - rate_over(*run.other)) : S(0);
+  window_.add(difference);
+  std::int64_t ticks = run.nearest;
   if (!tracked_) {
+    const S measured = rate_over(ticks);
     if (!(std::abs(measured) <= options_.max_clock_offset)) {
       return std::unexpected(restart(a, b, host, Error::ClockOffsetOutOfBounds));
     }
+    const S doubt = doubtful ? measured - rate_over(*run.other) : S(0);
     rebase(a, b, host);
     tracked_ = true;
-    state_ = {measured, noise + doubt * doubt};
+    state_ = {measured, noise_over(ticks) + doubt * doubt};
     return state_;
   }
 
-  // A rate known well enough tells the two wrap counts apart.
+  // A rate known well enough tells the wrap counts apart.
   const S prior = state_.variance + walk;
-  const S known = kGate * std::sqrt(prior + noise);
-  const auto departure = [&](S rate) { return std::abs(rate - state_.value); };
-  if (run.other && (doubtful || !(departure(measured) <= known))) {
-    S farther = rate_over(*run.other);
-    if (departure(farther) < departure(measured)) {
-      std::swap(measured, farther);
-      noise = noise_over(*run.other);
+  const auto departure = [&](std::int64_t t) { return std::abs(rate_over(t) - state_.value); };
+  const auto known = [&](std::int64_t t) { return kGate * std::sqrt(prior + noise_over(t)); };
+  const auto explained_by = [&](S rate) {
+    const S run_a = S(difference) / rate;
+    const S low = S(std::max<std::int64_t>(host_interval - lag, 1));
+    const S within = run_a > low ? std::min(run_a, S(host_interval + lag)) : low;  // NaN: low
+    return unwrap_interval(a, a_, std::int64_t(within)).nearest;
+  };
+  if (doubtful && departure(*run.other) < departure(ticks)) ticks = *run.other;
+  if (!(departure(ticks) <= known(ticks))) {
+    const std::int64_t hidden = explained_by(state_.value);
+    if (departure(hidden) < departure(ticks)) {
+      ticks = hidden;
+      allowed = lag;
     }
-    if (departure(farther) > known) doubt = 0;
   }
 
-  if (!(departure(measured) <= known + options_.max_rate_step) ||
+  // The bounds, which know no wraps, may know better.
+  const std::int64_t window = window_.length(host);
+  const RateBounds<S> bounds =
+      window_.bounds(host, options_.host_lag, options_.max_clock_offset,
+                     kGate * std::sqrt(noise_over(to_ticks(window))));
+  bool replaced = false;
+  if (!settled_ && !bounds.admit(state_.value)) {
+    const std::int64_t better = explained_by(bounds.middle);
+    replaced = bounds.admit(rate_over(better));
+    if (replaced) {
+      ticks = better;
+      allowed = lag;
+    }
+  }
+  const S measured = rate_over(ticks);
+  const S noise = noise_over(ticks);
+
+  // Other counts that remain.
+  S doubt = 0;
+  bool alone = true;
+  for (const std::int64_t rival : {ticks - kWrap, ticks + kWrap}) {
+    const std::int64_t mismatch = std::abs(rival - host_interval);
+    if (rival <= 0 || mismatch > lag || !bounds.admit(rate_over(rival))) continue;
+    alone = false;
+    if (mismatch <= allowed && (replaced || departure(rival) <= known(rival))) {
+      doubt = std::max(doubt, std::abs(measured - rate_over(rival)));
+    }
+  }
+
+  if (!(replaced || departure(ticks) <= known(ticks) + options_.max_rate_step) ||
       !(std::abs(measured) <= options_.max_clock_offset)) {
     if (jumped_) return std::unexpected(restart(a, b, host, Error::ClockJump));
     rebase(a, b, host);
+    window_.start(host);
     state_.variance = prior;
     jumped_ = true;
     return std::unexpected(Error::ClockJump);
   }
   rebase(a, b, host);
+  if (window > kWindowLags * options_.host_lag) window_.start(host);
   jumped_ = false;
-  const S gain = prior / (prior + noise);
+  settled_ = settled_ || alone;
+  const S gain = replaced ? S(1) : prior / (prior + noise);
   state_ = {state_.value + gain * (measured - state_.value), std::max(gain * noise, doubt * doubt)};
   return state_;
 }
