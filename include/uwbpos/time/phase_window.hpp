@@ -33,7 +33,10 @@ template <class S>
 class PhaseWindow {
  public:
   /// Begins at an event that the host saw at `host` [µs].
-  void start(std::int64_t host) { *this = {host, 0}; }
+  void start(std::int64_t host) {
+    host_ = host;
+    phase_ = 0;
+  }
 
   /// Adds an interval's ΔB − ΔA [ticks].
   void add(std::int64_t difference) { phase_ += difference; }
@@ -55,14 +58,8 @@ class PhaseWindow {
   }
 
  private:
-  PhaseWindow(std::int64_t host, std::int64_t phase) : host_{host}, phase_{phase} {}
-
   std::int64_t host_ = 0;
   std::int64_t phase_ = 0;
-
- public:
-  /// Empty, at host time 0.
-  PhaseWindow() = default;
 };
 
 }  // namespace uwbpos

@@ -26,34 +26,10 @@
 #include "uwbpos/core/types.hpp"
 #include "uwbpos/time/device_time.hpp"
 #include "uwbpos/time/phase_window.hpp"
+#include "uwbpos/time/rate_tracker_options.hpp"
 #include "uwbpos/time/unwrap.hpp"
 
 namespace uwbpos {
-
-/// How a `RateTracker` weighs what it sees.
-template <class S>
-struct RateTrackerOptions {
-  /// Standard deviation of one stamp [s].
-  S sigma_timestamp = S(0.15e-9);
-  /// |δ| beyond this is refused: two crystals of ±20 ppm, and as much again.
-  S max_clock_offset = S(80e-6);
-  /// How the rate wanders: standard deviation after one second [1/√s]; grows with √time.
-  S wander = S(5e-9);
-  /// A change of δ beyond six standard deviations plus this is no wander but a jump.
-  S max_rate_step = S(0.3e-6);
-  /// A gap longer than this [µs] starts afresh. At most a thousand hours.
-  std::int64_t max_gap = 300'000'000;
-  /// A pair that the host saw this much before the last one [µs] is late or repeated, not a sign
-  /// that the host's clock was set back.
-  std::int64_t reorder_window = 1'000'000;
-  /// How far the host's interval is off as a rule [µs]: when two wrap counts of A lie within it,
-  /// one interval of host time does not tell them apart.
-  std::int64_t host_jitter = 50'000;
-  /// How late at most the host sees an event [µs], the length of the queue it reads: what any of
-  /// its intervals, however long, may be off. At most ten seconds. Where `host_jitter` leaves a
-  /// doubt, the rate settles within a few times this.
-  std::int64_t host_lag = 2'000'000;
-};
 
 /// Follows the rate of clock B against clock A from pairs of stamps of the same events.
 /// One scalar Kalman filter: state δ, random walk of density `wander`², measurement (1) with
@@ -75,10 +51,7 @@ class RateTracker {
   /// `TwrOptions::clock_offset` and (its root) `sigma_clock_offset` ask for.
   ///
   /// Errors, in the order they are looked for:
-  /// - InvalidOption: an option is NaN or outside its domain: σ and bound in (0, 1), wander and
-  /// step
-  ///   in [0, 1), 0 < `max_gap` ≤ 1000 h, 0 ≤ `reorder_window`, 0 ≤ `host_jitter` ≤ `max_gap`,
-  ///   0 ≤ `host_lag` ≤ 10 s. Nothing changes.
+  /// - InvalidOption: an option is NaN or outside the domain it states. Nothing changes.
   /// - TimeNotIncreasing: host time stands still or steps back, or both stamps
   ///   are those of the last event once more (nothing changes). A step back within
   ///   `reorder_window` is a late or repeated frame and is ignored; a longer one starts afresh.
@@ -108,15 +81,6 @@ class RateTracker {
   static constexpr std::int64_t kWrap = DeviceTime<Bits>::kWrap;
   // The longest window, in lags: bounds of 1 ± 1/8, and little time to wander.
   static constexpr std::int64_t kWindowLags = 8;
-
-  [[nodiscard]] bool valid() const {
-    const auto& o = options_;
-    return o.sigma_timestamp > 0 && o.sigma_timestamp < 1 && o.max_clock_offset > 0 &&
-           o.max_clock_offset < 1 && o.wander >= 0 && o.wander < 1 && o.max_rate_step >= 0 &&
-           o.max_rate_step < 1 && o.max_gap > 0 && o.max_gap <= 3'600'000'000'000 &&
-           o.reorder_window >= 0 && o.host_jitter >= 0 && o.host_jitter <= o.max_gap &&
-           o.host_lag >= 0 && o.host_lag <= 10'000'000;
-  }
 
   // 63 897.6 ticks a microsecond; a thousand hours are 2.3e17.
   static constexpr std::int64_t to_ticks(std::int64_t microseconds) {
@@ -153,7 +117,7 @@ template <class S, unsigned Bits>
 Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<Bits> b,
                                                  std::int64_t host_microseconds) {
   const std::int64_t host = host_microseconds;
-  if (!valid()) return std::unexpected(Error::InvalidOption);
+  if (!options_.valid()) return std::unexpected(Error::InvalidOption);
   if (!based_) return std::unexpected(restart(a, b, host, Error::NotYetTracked));
   std::int64_t gap = 0;
   const bool overflow = __builtin_sub_overflow(host, host_, &gap);
@@ -181,6 +145,7 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
   const std::int64_t lag = to_ticks(options_.host_lag);
   std::int64_t allowed = to_ticks(options_.host_jitter);
   const bool doubtful = run.other && run.other_mismatch <= allowed;
+  const bool hideable = run.other && run.other_mismatch <= lag;
 
   const S wander = options_.wander * options_.wander * kTickSeconds<S>;
   const S walk = wander * S(host_interval);
@@ -214,28 +179,24 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
     return unwrap_interval(a, a_, std::int64_t(within)).nearest;
   };
   if (doubtful && departure(*run.other) < departure(ticks)) ticks = *run.other;
+  bool recovered = false;
   if (!(departure(ticks) <= known(ticks))) {
-    const std::int64_t hidden = explained_by(state_.value);
-    if (departure(hidden) < departure(ticks)) {
-      ticks = hidden;
-      allowed = lag;
-    }
+    const std::int64_t lost = explained_by(state_.value);
+    recovered = departure(lost) < departure(ticks);
+    if (recovered) ticks = lost;
   }
 
   // The bounds, which know no wraps, may know better.
   const std::int64_t window = window_.length(host);
-  const RateBounds<S> bounds =
-      window_.bounds(host, options_.host_lag, options_.max_clock_offset,
-                     kGate * std::sqrt(noise_over(to_ticks(window))));
+  const RateBounds<S> bounds = window_.bounds(host, options_.host_lag, options_.max_clock_offset,
+                                              kGate * std::sqrt(noise_over(to_ticks(window))));
   bool replaced = false;
-  if (!settled_ && !bounds.admit(state_.value)) {
+  if (hideable && !settled_ && !bounds.admit(state_.value)) {
     const std::int64_t better = explained_by(bounds.middle);
     replaced = bounds.admit(rate_over(better));
-    if (replaced) {
-      ticks = better;
-      allowed = lag;
-    }
+    if (replaced) ticks = better;
   }
+  if (recovered || replaced) allowed = lag;
   const S measured = rate_over(ticks);
   const S noise = noise_over(ticks);
 
@@ -264,6 +225,10 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
   if (window > kWindowLags * options_.host_lag) window_.start(host);
   jumped_ = false;
   settled_ = settled_ || alone;
+  if (recovered && !replaced && doubt > 0) {  // the rate told the count, not the other way
+    state_.variance = prior;
+    return state_;
+  }
   const S gain = replaced ? S(1) : prior / (prior + noise);
   state_ = {state_.value + gain * (measured - state_.value), std::max(gain * noise, doubt * doubt)};
   return state_;
