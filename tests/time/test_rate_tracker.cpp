@@ -342,7 +342,7 @@ TEST_CASE_TEMPLATE("NaN and options outside their domain pass no gate", S, float
     }
   }
   for (std::int64_t Options::* const member :
-       {&Options::max_gap, &Options::host_jitter, &Options::reorder_window}) {
+       {&Options::max_gap, &Options::host_jitter, &Options::host_lag, &Options::reorder_window}) {
     Options options;
     options.*member = -1;
     refuses(options);
@@ -352,6 +352,9 @@ TEST_CASE_TEMPLATE("NaN and options outside their domain pass no gate", S, float
   refuses(options);
   options = {};
   options.host_jitter = options.max_gap + 1;
+  refuses(options);
+  options = {};
+  options.host_lag = 10'000'001;
   refuses(options);
   options = {};
   options.sigma_timestamp = 0;
@@ -494,6 +497,19 @@ TEST_CASE("A rate once settled tells a step of the stamps from what a queue lost
   step.host += 142'860;
   CHECK(refused(tracker, step) == Error::ClockJump);
   CHECK(tracker.rate()->value == before->value);
+}
+
+TEST_CASE("A microsecond's step is a jump from the third event on where no wrap could hide it") {
+  sim::Random random{"early jump"};
+  Pair pair;
+  RateTracker<double, 40> tracker;
+  static_cast<void>(feed(tracker, next(pair, 0.1, random)));
+  REQUIRE(feed(tracker, next(pair, 0.1, random)));
+  pair.offset_b += 63'898;
+  CHECK(refused(tracker, next(pair, 0.1, random)) == Error::ClockJump);
+  const auto after = feed(tracker, next(pair, 0.1, random));
+  REQUIRE(after);
+  CHECK(after->value == doctest::Approx(pair.delta()).epsilon(1e-3));
 }
 
 TEST_CASE("A slip of the host's that no gap preceded does not fool a rate that is known") {

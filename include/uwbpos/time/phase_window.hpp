@@ -32,6 +32,9 @@ struct RateBounds {
 template <class S>
 class PhaseWindow {
  public:
+  /// Longer than this, in lags, a window gains little: bounds of 1 ± 1/8, but time to wander.
+  static constexpr std::int64_t kLongest = 8;
+
   /// Begins at an event that the host saw at `host` [µs].
   void start(std::int64_t host) {
     host_ = host;

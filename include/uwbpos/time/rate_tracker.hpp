@@ -10,12 +10,11 @@
 ///   (2) ΔB − ΔA is its own signed residue as long as |δ|ΔA < W/2, however often both wrapped;
 ///   (3) ΔA = residue + kW, with the k that brings it nearest to the host's interval.
 /// A k that is wrong by one scales δ by ΔA/(ΔA ± W) and does nothing else. It happens: a host that
-/// reads a queue sees intervals that are not those of the exchanges, and next to nothing of what
-/// was lost where the queue overflowed. So k is checked twice. Where the nearest k does not explain
-/// the stamps by the tracked rate, the one that does, ΔA ≈ (ΔB − ΔA)/δ, is taken if the queue may
-/// hide it. And until it has once been alone within the bounds of phase_window.hpp, which know
-/// nothing of k, a tracked rate outside them is replaced by the one inside. While neither tells two
-/// plausible ones apart the variance says so.
+/// reads a queue sees other intervals, and next to nothing of what a full one lost. So k is checked
+/// twice. Where the nearest does not explain the stamps by the tracked rate, the one that does,
+/// ΔA ≈ (ΔB − ΔA)/δ, is taken if the queue may hide it. And a rate outside the bounds of
+/// phase_window.hpp, which know nothing of k, gives way to one inside, until it was once alone
+/// there. While neither tells two plausible k apart, the variance says so.
 
 #include <algorithm>
 #include <cmath>
@@ -60,8 +59,7 @@ class RateTracker {
   ///   (32 bits, 80 ppm: 420 s). Starts afresh from this event.
   /// - ClockOffsetOutOfBounds: the first rate lies beyond the bound. Starts afresh.
   /// - ClockJump: the rate departs from the tracked one. The event becomes the new base; the rate
-  ///   is kept once, but a second jump in a row discards that too, so the tracker cannot lock
-  ///   itself out.
+  ///   is kept once, but a second jump in a row discards that too: no lock-out.
   [[nodiscard]] Result<Measured<S>> update(DeviceTime<Bits> a, DeviceTime<Bits> b,
                                            std::int64_t host_microseconds);
 
@@ -78,14 +76,6 @@ class RateTracker {
 
  private:
   static constexpr S kGate = 6;
-  static constexpr std::int64_t kWrap = DeviceTime<Bits>::kWrap;
-  // The longest window, in lags: bounds of 1 ± 1/8, and little time to wander.
-  static constexpr std::int64_t kWindowLags = 8;
-
-  // 63 897.6 ticks a microsecond; a thousand hours are 2.3e17.
-  static constexpr std::int64_t to_ticks(std::int64_t microseconds) {
-    return microseconds * 63'897 + microseconds * 3 / 5;
-  }
 
   void rebase(DeviceTime<Bits> a, DeviceTime<Bits> b, std::int64_t host) {
     a_ = a;
@@ -117,7 +107,7 @@ template <class S, unsigned Bits>
 Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<Bits> b,
                                                  std::int64_t host_microseconds) {
   const std::int64_t host = host_microseconds;
-  if (!options_.valid()) return std::unexpected(Error::InvalidOption);
+  if (!is_valid(options_)) return std::unexpected(Error::InvalidOption);
   if (!based_) return std::unexpected(restart(a, b, host, Error::NotYetTracked));
   std::int64_t gap = 0;
   const bool overflow = __builtin_sub_overflow(host, host_, &gap);
@@ -125,14 +115,12 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
     if (overflow || gap < -options_.reorder_window) restart(a, b, host, Error::TimeNotIncreasing);
     return std::unexpected(Error::TimeNotIncreasing);
   }
-  if (overflow || gap > options_.max_gap) {
+  if (overflow || gap > options_.max_gap)
     return std::unexpected(restart(a, b, host, Error::GapTooLong));
-  }
-
   if (a == a_ && b == b_) return std::unexpected(Error::TimeNotIncreasing);  // a repeat
 
   // Equation (3).
-  const std::int64_t host_interval = to_ticks(gap);
+  const std::int64_t host_interval = microseconds_to_ticks(gap);
   const UnwrappedInterval run = unwrap_interval(a, a_, host_interval);
   if (S(run.nearest) * options_.max_clock_offset >= S(DeviceTime<Bits>::kHalfWrap)) {
     return std::unexpected(restart(a, b, host, Error::GapTooLong));
@@ -142,10 +130,9 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
   const std::int64_t difference =
       DeviceTime<Bits>{b.ticks() - b_.ticks()} - DeviceTime<Bits>{a.ticks() - a_.ticks()};
   const auto rate_over = [&](std::int64_t ticks) { return S(difference) / S(ticks); };
-  const std::int64_t lag = to_ticks(options_.host_lag);
-  std::int64_t allowed = to_ticks(options_.host_jitter);
+  const std::int64_t lag = microseconds_to_ticks(options_.host_lag);
+  std::int64_t allowed = microseconds_to_ticks(options_.host_jitter);
   const bool doubtful = run.other && run.other_mismatch <= allowed;
-  const bool hideable = run.other && run.other_mismatch <= lag;
 
   const S wander = options_.wander * options_.wander * kTickSeconds<S>;
   const S walk = wander * S(host_interval);
@@ -164,8 +151,7 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
     const S doubt = doubtful ? measured - rate_over(*run.other) : S(0);
     rebase(a, b, host);
     tracked_ = true;
-    state_ = {measured, noise_over(ticks) + doubt * doubt};
-    return state_;
+    return state_ = {measured, noise_over(ticks) + doubt * doubt};
   }
 
   // A rate known well enough tells the wrap counts apart.
@@ -173,10 +159,7 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
   const auto departure = [&](std::int64_t t) { return std::abs(rate_over(t) - state_.value); };
   const auto known = [&](std::int64_t t) { return kGate * std::sqrt(prior + noise_over(t)); };
   const auto explained_by = [&](S rate) {
-    const S run_a = S(difference) / rate;
-    const S low = S(std::max<std::int64_t>(host_interval - lag, 1));
-    const S within = run_a > low ? std::min(run_a, S(host_interval + lag)) : low;  // NaN: low
-    return unwrap_interval(a, a_, std::int64_t(within)).nearest;
+    return unwrap_explained(a, a_, S(difference) / rate, host_interval, lag);
   };
   if (doubtful && departure(*run.other) < departure(ticks)) ticks = *run.other;
   bool recovered = false;
@@ -188,10 +171,11 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
 
   // The bounds, which know no wraps, may know better.
   const std::int64_t window = window_.length(host);
-  const RateBounds<S> bounds = window_.bounds(host, options_.host_lag, options_.max_clock_offset,
-                                              kGate * std::sqrt(noise_over(to_ticks(window))));
+  const RateBounds<S> bounds =
+      window_.bounds(host, options_.host_lag, options_.max_clock_offset,
+                     kGate * std::sqrt(noise_over(microseconds_to_ticks(window))));
   bool replaced = false;
-  if (hideable && !settled_ && !bounds.admit(state_.value)) {
+  if (run.other && run.other_mismatch <= lag && !settled_ && !bounds.admit(state_.value)) {
     const std::int64_t better = explained_by(bounds.middle);
     replaced = bounds.admit(rate_over(better));
     if (replaced) ticks = better;
@@ -203,7 +187,8 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
   // Other counts that remain.
   S doubt = 0;
   bool alone = true;
-  for (const std::int64_t rival : {ticks - kWrap, ticks + kWrap}) {
+  for (const std::int64_t wrap : {-DeviceTime<Bits>::kWrap, DeviceTime<Bits>::kWrap}) {
+    const std::int64_t rival = ticks + wrap;
     const std::int64_t mismatch = std::abs(rival - host_interval);
     if (rival <= 0 || mismatch > lag || !bounds.admit(rate_over(rival))) continue;
     alone = false;
@@ -222,16 +207,14 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
     return std::unexpected(Error::ClockJump);
   }
   rebase(a, b, host);
-  if (window > kWindowLags * options_.host_lag) window_.start(host);
+  if (window > window_.kLongest * options_.host_lag) window_.start(host);
   jumped_ = false;
   settled_ = settled_ || alone;
-  if (recovered && !replaced && doubt > 0) {  // the rate told the count, not the other way
-    state_.variance = prior;
-    return state_;
-  }
+  // Where the rate told the count, and others fit too, the count tells nothing of the rate.
+  if (recovered && !replaced && doubt > 0) return state_ = {state_.value, prior};
   const S gain = replaced ? S(1) : prior / (prior + noise);
-  state_ = {state_.value + gain * (measured - state_.value), std::max(gain * noise, doubt * doubt)};
-  return state_;
+  return state_ = {state_.value + gain * (measured - state_.value),
+                   std::max(gain * noise, doubt * doubt)};
 }
 
 }  // namespace uwbpos

@@ -31,17 +31,18 @@ struct RateTrackerOptions {
   /// its intervals, however long, may be off. At most ten seconds. Where `host_jitter` leaves a
   /// doubt, the rate settles within a few times this.
   std::int64_t host_lag = 2'000'000;
-
-  /// Whether every option is in its domain: σ and bound in (0, 1), wander and step in [0, 1),
-  /// 0 < `max_gap` ≤ 1000 h, 0 ≤ `reorder_window`, 0 ≤ `host_jitter` ≤ `max_gap`,
-  /// 0 ≤ `host_lag` ≤ 10 s. False for NaN.
-  [[nodiscard]] bool valid() const {
-    return sigma_timestamp > 0 && sigma_timestamp < 1 && max_clock_offset > 0 &&
-           max_clock_offset < 1 && wander >= 0 && wander < 1 && max_rate_step >= 0 &&
-           max_rate_step < 1 && max_gap > 0 && max_gap <= 3'600'000'000'000 &&
-           reorder_window >= 0 && host_jitter >= 0 && host_jitter <= max_gap && host_lag >= 0 &&
-           host_lag <= 10'000'000;
-  }
 };
+
+/// Every option is in its domain: σ and bound in (0, 1), wander and step in [0, 1),
+/// 0 < `max_gap` ≤ 1000 h, 0 ≤ `reorder_window`, 0 ≤ `host_jitter` ≤ `max_gap`,
+/// 0 ≤ `host_lag` ≤ 10 s. False for NaN.
+template <class S>
+[[nodiscard]] constexpr bool is_valid(const RateTrackerOptions<S>& o) {
+  return o.sigma_timestamp > 0 && o.sigma_timestamp < 1 && o.max_clock_offset > 0 &&
+         o.max_clock_offset < 1 && o.wander >= 0 && o.wander < 1 && o.max_rate_step >= 0 &&
+         o.max_rate_step < 1 && o.max_gap > 0 && o.max_gap <= 3'600'000'000'000 &&
+         o.reorder_window >= 0 && o.host_jitter >= 0 && o.host_jitter <= o.max_gap &&
+         o.host_lag >= 0 && o.host_lag <= 10'000'000;
+}
 
 }  // namespace uwbpos
