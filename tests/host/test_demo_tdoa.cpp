@@ -19,7 +19,7 @@ TEST_CASE("The demo's building: at the bound, honest, and no step at a border") 
   CHECK(walk.truth.size() == walk.located);
   CHECK(walk.anchors.size() == 24);
   CHECK(walk.chan_refused < walk.compared / 10);
-  // Some six hundred solutions of three coordinates, unequal: a pooled ratio scatters by 0.06.
+  // Some seven hundred solutions of three coordinates, unequal: a pooled ratio scatters by 0.06.
   CHECK(walk.likelihood_ratio < 1.2);
   CHECK(walk.likelihood_ratio > 0.8);
   CHECK(walk.chan_ratio > walk.likelihood_ratio);
