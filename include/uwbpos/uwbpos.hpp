@@ -96,5 +96,7 @@
 #include "uwbpos/time/clock_sync_options.hpp"
 #include "uwbpos/time/control_time.hpp"
 #include "uwbpos/time/device_time.hpp"
+#include "uwbpos/time/phase_window.hpp"
 #include "uwbpos/time/rate_tracker.hpp"
+#include "uwbpos/time/rate_tracker_options.hpp"
 #include "uwbpos/time/unwrap.hpp"

@@ -7,8 +7,14 @@
 #include "csv.hpp"
 
 #include <cmath>
+#include <cstdint>
 #include <filesystem>
+#include <initializer_list>
+#include <limits>
+#include <span>
 #include <string>
+#include <string_view>
+#include <tuple>
 
 #include <sys/mman.h>
 #include <unistd.h>
@@ -16,6 +22,7 @@
 #include "bytes.hpp"
 #include "failure.hpp"
 #include "formats.hpp"
+#include "subnets.hpp"
 
 namespace {
 
@@ -53,6 +60,38 @@ void check_times(const uwbpos::host::Log<T>& log) {
   require(log.rows.size() <= log.counts.rows, "no more rows than the file has");
 }
 
+// The file is subnets.csv; the anchors are six, of three subnets.
+void check_subnets(const std::filesystem::path& file, uwbpos::host::Problems& problems) {
+  static constexpr std::string_view kAnchors =
+      "anchor_id,x_m,y_m,z_m,subnet_id\n10,0,0,3,1\n11,20,0,3,1\n12,20,15,2,1\n"
+      "20,0,0,3,2\n21,10,0,3,2\n30,0,0,3,3\n";
+  const MemoryFile anchors_file{
+      std::span{reinterpret_cast<const std::uint8_t*>(kAnchors.data()), kAnchors.size()}};
+  uwbpos::host::Points anchors;
+  for (const auto& [id, x, y, z] :
+       std::initializer_list<std::tuple<unsigned, int, int, int>>{{10, 0, 0, 3},
+                                                                  {11, 20, 0, 3},
+                                                                  {12, 20, 15, 2},
+                                                                  {20, 0, 0, 3},
+                                                                  {21, 10, 0, 3},
+                                                                  {30, 0, 0, 3}}) {
+    anchors[id] = {double(x), double(y), double(z)};
+  }
+  const auto table = uwbpos::host::read_subnets(file, anchors_file.path(), anchors, problems);
+  require(!table.empty() && table.frames.size() <= std::size_t{uwbpos::host::kMostSubnets},
+          "some subnets, and no more than fit");
+  for (const auto& frame : table.frames) {
+    require(frame.map_T_subnet.translation.allFinite() && std::isfinite(frame.height.value) &&
+                std::isfinite(frame.height.variance),
+            "a frame is finite");
+  }
+  require(!anchors.empty(), "anchors that belong to a subnet");
+  for (const auto& [id, position] : anchors) {
+    require(position.allFinite(), "an anchor in the map is finite");
+    require(table.of_anchor.at(id) < table.frames.size(), "its subnet is there");
+  }
+}
+
 void read(int kind, const std::filesystem::path& file) {
   uwbpos::host::Problems problems{false, true};
   switch (kind) {
@@ -71,6 +110,12 @@ void read(int kind, const std::filesystem::path& file) {
     case 4:
       check_times(uwbpos::host::read_twr(file, problems));
       break;
+    case 5:
+      check_times(uwbpos::host::read_tdoa(file, problems));
+      break;
+    case 6:
+      check_subnets(file, problems);
+      break;
     default:
       check_times(uwbpos::host::read_ranges(file, problems));
   }
@@ -82,7 +127,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size == 0) return 0;
   const MemoryFile file{std::span{data, size}.subspan(1)};
   try {
-    read(data[0] % 6, file.path());
+    read(data[0] % 8, file.path());
   } catch (const uwbpos::host::Failure& failure) {
     require(failure.what()[0] != '\0', "a failure says what failed");
   }

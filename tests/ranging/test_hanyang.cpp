@@ -148,14 +148,14 @@ struct Recording {
   double pooled_spread;    // regression guard, see below
 };
 
-// Pooled over all distances the spread is NOT better than the module's 0.087 and 0.090 m, but 0.121
-// and 0.096 m. What is pooled there is not noise: with the clocks' part gone, errors grow from
+// Pooled over all distances the spread is NOT better than the module's 0.087 and 0.090 m, but 0.118
+// and 0.104 m. What is pooled there is not noise: with the clocks' part gone, errors grow from
 // -0.1 m at 2 m to +0.3 m at 50 m as power falls, and the two passes of a recording lie 0.1 m
 // apart. The module's correction, 0.8 of this one, happens to bring the passes closer together. The
 // wrong wrap (166.1 ms), 0.6 of it, would bring the pooled spread to 0.087 and 0.076 m, and the
 // medians to 0.25 and 0.29 m. The last number only keeps the pooled spread from growing unnoticed.
-const Recording kRecordings[] = {{"static_los.csv", 0.334, 0.199, 0.20, 0.125},
-                                 {"static_nlos.csv", 0.340, 0.261, 0.26, 0.105}};
+const Recording kRecordings[] = {{"static_los.csv", 0.334, 0.199, 0.20, 0.120},
+                                 {"static_nlos.csv", 0.340, 0.261, 0.26, 0.107}};
 
 TEST_CASE_TEMPLATE("Recorded exchanges: median, and spread at a distance, beat the module's own", S,
                    float, double) {
@@ -168,14 +168,13 @@ TEST_CASE_TEMPLATE("Recorded exchanges: median, and spread at a distance, beat t
     REQUIRE(rows.size() > 2000);
     const Run run = track<S>(rows);
 
-    // The first row, two or three silences over five minutes, and two or three overflows of the
-    // queue per distance, told as jumps.
+    // The first row, and two or three silences over five minutes; no overflow of the queue.
     int refused = 0;
     for (const auto& [reason, count] : run.refused) refused += count;
     CHECK(static_cast<std::size_t>(refused) + run.answers.size() == rows.size());
-    CHECK(run.answers.size() > 0.97 * static_cast<double>(rows.size()));
+    CHECK(run.answers.size() + 4 >= rows.size());
     CHECK(run.refused.at(std::string{describe(Error::NotYetTracked)}) == 1);
-    CHECK(run.refused.at(std::string{describe(Error::ClockJump)}) <= 60);
+    CHECK(run.refused.count(std::string{describe(Error::ClockJump)}) == 0);
 
     const auto own = column(run.answers, own_error);
     const auto logged = column(run.answers, logged_error);
@@ -216,18 +215,21 @@ TEST_CASE("Recorded exchanges: the tracked rate is the one that minutes of silen
     for (std::size_t i = 1; i < rows.size(); ++i) {
       const double gap = rows[i].time - rows[i - 1].time;
       if (gap < 40 || gap > 200) continue;
-      // Phase over a silence by host time alone: the queue's 1.3 s are 3 % of 40 s.
+      // Phase over a silence by host time alone, wrong by what the queue holds, two seconds at
+      // most.
       const auto phase = DeviceTime<32>{rows[i].poll_rx.ticks() - rows[i - 1].poll_rx.ticks()} -
                          DeviceTime<32>{rows[i].poll_tx.ticks() - rows[i - 1].poll_tx.ticks()};
       const double rate = static_cast<double>(phase) * kTickSeconds<double> / gap;
-      // The rate tracked in the five seconds after it; crystals drift by 0.1 ppm in minutes.
+      // The rate tracked in the five seconds after it. From its mean over T a rate that wanders by
+      // 5 ppb/√s is 5 ppb·√(T/3) away: three of that, 0.05 ppm at the shortest silence.
       std::vector<double> tracked;
       for (const Answer& answer : run.answers) {
         const double after = answer.row.time - rows[i].time;
         if (after > 0 && after < 5) tracked.push_back(answer.rate);
       }
       REQUIRE(tracked.size() > 10);
-      CHECK(std::abs(test::median(tracked) - rate) < 0.05e-6 + 0.05 * std::abs(rate));
+      CHECK(std::abs(test::median(tracked) - rate) <
+            15e-9 * std::sqrt(gap / 3) + 2 / gap * std::abs(rate));
       ++silences;
     }
     CHECK(silences >= 20);
@@ -251,7 +253,7 @@ TEST_CASE("Recorded exchanges: the uncorrected error follows (000-11) with the t
       CHECK(std::abs(predicted + a.correction) < 1e-6);
     }
     for (const auto& [distance, group] : by_distance(run.answers)) {
-      if (group.front().rate_sigma > 0.05e-6) continue;  // before the first silence
+      if (group.front().rate_sigma > 0.05e-6) continue;  // before the wraps settle
       own.push_back(test::median(column(group, [](const Answer& a) { return a.correction; })));
       module.push_back(test::median(
           column(group, [](const Answer& a) { return logged_error(a) - raw_error(a); })));

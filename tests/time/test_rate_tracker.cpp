@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -340,7 +342,7 @@ TEST_CASE_TEMPLATE("NaN and options outside their domain pass no gate", S, float
     }
   }
   for (std::int64_t Options::* const member :
-       {&Options::max_gap, &Options::host_jitter, &Options::reorder_window}) {
+       {&Options::max_gap, &Options::host_jitter, &Options::host_lag, &Options::reorder_window}) {
     Options options;
     options.*member = -1;
     refuses(options);
@@ -350,6 +352,9 @@ TEST_CASE_TEMPLATE("NaN and options outside their domain pass no gate", S, float
   refuses(options);
   options = {};
   options.host_jitter = options.max_gap + 1;
+  refuses(options);
+  options = {};
+  options.host_lag = 10'000'001;
   refuses(options);
   options = {};
   options.sigma_timestamp = 0;
@@ -416,6 +421,95 @@ TEST_CASE_TEMPLATE("A host that reads a queue: the variance admits it, a gap set
     CHECK(static_cast<double>(rate->value) == doctest::Approx(pair.delta()).epsilon(0.001));
     CHECK(std::sqrt(static_cast<double>(rate->variance)) < 10e-9);
   }
+}
+
+// A radio that writes every 98.87 ms to a queue of sixteen; the host reads it every 142.86 ms.
+// Full, it is emptied: fifteen or so exchanges are lost, and the host waits for the next.
+std::vector<Event> read_slowly(Pair& pair, double seconds, sim::Random& random) {
+  pair.host_latency = 0;
+  pair.host_rate = 0;
+  std::deque<Event> queue;
+  std::vector<Event> rows;
+  std::int64_t read = 0;
+  for (int i = 0; i * 0.09887 < seconds; ++i) {
+    const Event event = next(pair, 0.09887, random);
+    for (; !queue.empty() && read <= event.host; read += 142'860) {
+      rows.push_back(queue.front());
+      rows.back().host = read;
+      queue.pop_front();
+    }
+    if (queue.size() == 16) queue.clear();
+    if (queue.empty()) read = std::max(read, event.host);
+    queue.push_back(event);
+  }
+  return rows;
+}
+
+// The same radio, whose host wakes once a second and stamps what has come a millisecond apart.
+std::vector<Event> read_in_bunches(Pair& pair, double seconds, sim::Random& random) {
+  std::vector<Event> rows;
+  std::int64_t last = 0;
+  for (int i = 0; i * 0.09887 < seconds; ++i) {
+    Event event = next(pair, 0.09887, random);
+    event.host = std::max((event.host / 1'000'000 + 1) * 1'000'000, last + 1000);
+    last = event.host;
+    rows.push_back(event);
+  }
+  return rows;
+}
+
+TEST_CASE_TEMPLATE("A queue that is late, bunches and overflows: seconds settle the wraps", S,
+                   float, double) {
+  for (const auto read : {read_slowly, read_in_bunches}) {
+    sim::Random random{"full queue"};
+    for (const long double rate_b : {10.66e-6L, 12.68e-6L, -9e-6L, 30e-6L}) {
+      Pair pair;
+      pair.rate_b = rate_b;
+      const std::vector<Event> rows = read(pair, 40, random);
+      REQUIRE(rows.size() > 250);
+      RateTracker<S, 32> tracker;
+      CHECK(refused(tracker, rows.front()) == Error::NotYetTracked);
+      for (std::size_t i = 1; i < rows.size(); ++i) {
+        const auto rate = feed(tracker, rows[i]);
+        REQUIRE(rate);
+        // A cycle of the queue, until the first overflow, takes 4.4 s.
+        if (rows[i].host - rows.front().host < 6'000'000) continue;
+        CHECK(std::abs(static_cast<double>(rate->value) - pair.delta()) < 12e-9);
+        CHECK(rate->variance < S(1e-16));
+      }
+    }
+  }
+}
+
+TEST_CASE("A rate once settled tells a step of the stamps from what a queue lost") {
+  sim::Random random{"settled"};
+  Pair pair;
+  std::vector<Event> rows = read_slowly(pair, 20, random);
+  RateTracker<double, 32> tracker;
+  for (const Event& row : rows) static_cast<void>(feed(tracker, row));
+  const auto before = tracker.rate();
+  REQUIRE(before);
+  // 100 µs: as much phase as five seconds bring, more than the queue holds.
+  Event step = rows.back();
+  const auto period = static_cast<std::uint64_t>(0.09887L * kTicksPerSecond);
+  step.a += period;
+  step.b += period + 6'389'760;
+  step.host += 142'860;
+  CHECK(refused(tracker, step) == Error::ClockJump);
+  CHECK(tracker.rate()->value == before->value);
+}
+
+TEST_CASE("A microsecond's step is a jump from the third event on where no wrap could hide it") {
+  sim::Random random{"early jump"};
+  Pair pair;
+  RateTracker<double, 40> tracker;
+  static_cast<void>(feed(tracker, next(pair, 0.1, random)));
+  REQUIRE(feed(tracker, next(pair, 0.1, random)));
+  pair.offset_b += 63'898;
+  CHECK(refused(tracker, next(pair, 0.1, random)) == Error::ClockJump);
+  const auto after = feed(tracker, next(pair, 0.1, random));
+  REQUIRE(after);
+  CHECK(after->value == doctest::Approx(pair.delta()).epsilon(1e-3));
 }
 
 TEST_CASE("A slip of the host's that no gap preceded does not fool a rate that is known") {

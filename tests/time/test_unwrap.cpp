@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include <cstdint>
+#include <limits>
 
 #include <doctest/doctest.h>
 
@@ -47,6 +48,21 @@ TEST_CASE("An interval is positive, even when the host saw next to none") {
   // The counter stands where it stood: a whole wrap is the least.
   CHECK(unwrap_interval(start, start, 1).nearest == DeviceTime<32>::kWrap);
   CHECK_FALSE(unwrap_interval(start, start, 1).other);
+}
+
+TEST_CASE_TEMPLATE("Unwrap: an interval explained by a rate counts as far as the host allows", S,
+                   float, double) {
+  const DeviceTime<32> start{123};
+  constexpr std::int64_t wrap = DeviceTime<32>::kWrap;
+  const auto explained = [&](S expected) {
+    return unwrap_explained(start + 1000, start, expected, 10 * wrap, 3 * wrap);
+  };
+  CHECK(explained(S(8) * S(wrap)) == 8 * wrap + 1000);
+  CHECK(explained(S(20) * S(wrap)) == 13 * wrap + 1000);
+  CHECK(explained(std::numeric_limits<S>::infinity()) == 13 * wrap + 1000);
+  CHECK(explained(S(-5)) == 7 * wrap + 1000);
+  CHECK(explained(std::numeric_limits<S>::quiet_NaN()) == 7 * wrap + 1000);
+  CHECK(microseconds_to_ticks(5) == 319'488);
 }
 
 }  // namespace

@@ -10,44 +10,25 @@
 ///   (2) ΔB − ΔA is its own signed residue as long as |δ|ΔA < W/2, however often both wrapped;
 ///   (3) ΔA = residue + kW, with the k that brings it nearest to the host's interval.
 /// A k that is wrong by one scales δ by ΔA/(ΔA ± W) and does nothing else. It happens: a host that
-/// reads a queue sees intervals that are not those of the exchanges. So where the second nearest k
-/// explains the stamps by the tracked rate and the nearest does not, it is taken; and while no rate
-/// is known that could tell two plausible ones apart, the variance says so. A long gap, over which
-/// the host cannot be wrong by much, settles it.
+/// reads a queue sees other intervals, and next to nothing of what a full one lost. So k is checked
+/// twice. Where the nearest does not explain the stamps by the tracked rate, the one that does,
+/// ΔA ≈ (ΔB − ΔA)/δ, is taken if the queue may hide it. And a rate outside the bounds of
+/// phase_window.hpp, which know nothing of k, gives way to one inside, until it was once alone
+/// there. While neither tells two plausible k apart, the variance says so.
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <utility>
 
 #include "uwbpos/core/constants.hpp"
 #include "uwbpos/core/result.hpp"
 #include "uwbpos/core/types.hpp"
 #include "uwbpos/time/device_time.hpp"
+#include "uwbpos/time/phase_window.hpp"
+#include "uwbpos/time/rate_tracker_options.hpp"
 #include "uwbpos/time/unwrap.hpp"
 
 namespace uwbpos {
-
-/// How a `RateTracker` weighs what it sees.
-template <class S>
-struct RateTrackerOptions {
-  /// Standard deviation of one stamp [s].
-  S sigma_timestamp = S(0.15e-9);
-  /// |δ| beyond this is refused: two crystals of ±20 ppm, and as much again.
-  S max_clock_offset = S(80e-6);
-  /// How the rate wanders: standard deviation after one second [1/√s]; grows with √time.
-  S wander = S(5e-9);
-  /// A change of δ beyond six standard deviations plus this is no wander but a jump.
-  S max_rate_step = S(0.3e-6);
-  /// A gap longer than this [µs] starts afresh. At most a thousand hours.
-  std::int64_t max_gap = 300'000'000;
-  /// A pair that the host saw this much before the last one [µs] is late or repeated, not a sign
-  /// that the host's clock was set back.
-  std::int64_t reorder_window = 1'000'000;
-  /// How far the host's interval may be off [µs]: when two wrap counts of A lie within it, host
-  /// time alone does not tell them apart.
-  std::int64_t host_jitter = 50'000;
-};
 
 /// Follows the rate of clock B against clock A from pairs of stamps of the same events.
 /// One scalar Kalman filter: state δ, random walk of density `wander`², measurement (1) with
@@ -69,10 +50,7 @@ class RateTracker {
   /// `TwrOptions::clock_offset` and (its root) `sigma_clock_offset` ask for.
   ///
   /// Errors, in the order they are looked for:
-  /// - InvalidOption: an option is NaN or outside its domain: σ and bound in (0, 1), wander and
-  /// step
-  ///   in [0, 1), 0 < `max_gap` ≤ 1000 h, 0 ≤ `reorder_window`, 0 ≤ `host_jitter` ≤ `max_gap`.
-  ///   Nothing changes.
+  /// - InvalidOption: an option is NaN or outside the domain it states. Nothing changes.
   /// - TimeNotIncreasing: host time stands still or steps back, or both stamps
   ///   are those of the last event once more (nothing changes). A step back within
   ///   `reorder_window` is a late or repeated frame and is ignored; a longer one starts afresh.
@@ -81,8 +59,7 @@ class RateTracker {
   ///   (32 bits, 80 ppm: 420 s). Starts afresh from this event.
   /// - ClockOffsetOutOfBounds: the first rate lies beyond the bound. Starts afresh.
   /// - ClockJump: the rate departs from the tracked one. The event becomes the new base; the rate
-  ///   is kept once, but a second jump in a row discards that too, so the tracker cannot lock
-  ///   itself out.
+  ///   is kept once, but a second jump in a row discards that too: no lock-out.
   [[nodiscard]] Result<Measured<S>> update(DeviceTime<Bits> a, DeviceTime<Bits> b,
                                            std::int64_t host_microseconds);
 
@@ -100,19 +77,6 @@ class RateTracker {
  private:
   static constexpr S kGate = 6;
 
-  [[nodiscard]] bool valid() const {
-    const auto& o = options_;
-    return o.sigma_timestamp > 0 && o.sigma_timestamp < 1 && o.max_clock_offset > 0 &&
-           o.max_clock_offset < 1 && o.wander >= 0 && o.wander < 1 && o.max_rate_step >= 0 &&
-           o.max_rate_step < 1 && o.max_gap > 0 && o.max_gap <= 3'600'000'000'000 &&
-           o.reorder_window >= 0 && o.host_jitter >= 0 && o.host_jitter <= o.max_gap;
-  }
-
-  // 63 897.6 ticks a microsecond; a thousand hours are 2.3e17.
-  static constexpr std::int64_t to_ticks(std::int64_t microseconds) {
-    return microseconds * 63'897 + microseconds * 3 / 5;
-  }
-
   void rebase(DeviceTime<Bits> a, DeviceTime<Bits> b, std::int64_t host) {
     a_ = a;
     b_ = b;
@@ -123,6 +87,7 @@ class RateTracker {
   Error restart(DeviceTime<Bits> a, DeviceTime<Bits> b, std::int64_t host, Error reason) {
     reset();
     rebase(a, b, host);
+    window_.start(host);
     return reason;
   }
 
@@ -130,17 +95,19 @@ class RateTracker {
   DeviceTime<Bits> a_;
   DeviceTime<Bits> b_;
   std::int64_t host_ = 0;
+  PhaseWindow<S> window_;
   Measured<S> state_{};
   bool based_ = false;
   bool tracked_ = false;
   bool jumped_ = false;
+  bool settled_ = false;  // once, no other wrap count lay within the bounds
 };
 
 template <class S, unsigned Bits>
 Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<Bits> b,
                                                  std::int64_t host_microseconds) {
   const std::int64_t host = host_microseconds;
-  if (!valid()) return std::unexpected(Error::InvalidOption);
+  if (!is_valid(options_)) return std::unexpected(Error::InvalidOption);
   if (!based_) return std::unexpected(restart(a, b, host, Error::NotYetTracked));
   std::int64_t gap = 0;
   const bool overflow = __builtin_sub_overflow(host, host_, &gap);
@@ -148,14 +115,12 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
     if (overflow || gap < -options_.reorder_window) restart(a, b, host, Error::TimeNotIncreasing);
     return std::unexpected(Error::TimeNotIncreasing);
   }
-  if (overflow || gap > options_.max_gap) {
+  if (overflow || gap > options_.max_gap)
     return std::unexpected(restart(a, b, host, Error::GapTooLong));
-  }
-
   if (a == a_ && b == b_) return std::unexpected(Error::TimeNotIncreasing);  // a repeat
 
   // Equation (3).
-  const std::int64_t host_interval = to_ticks(gap);
+  const std::int64_t host_interval = microseconds_to_ticks(gap);
   const UnwrappedInterval run = unwrap_interval(a, a_, host_interval);
   if (S(run.nearest) * options_.max_clock_offset >= S(DeviceTime<Bits>::kHalfWrap)) {
     return std::unexpected(restart(a, b, host, Error::GapTooLong));
@@ -165,54 +130,91 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
   const std::int64_t difference =
       DeviceTime<Bits>{b.ticks() - b_.ticks()} - DeviceTime<Bits>{a.ticks() - a_.ticks()};
   const auto rate_over = [&](std::int64_t ticks) { return S(difference) / S(ticks); };
-  const bool doubtful = run.other && run.other_mismatch <= to_ticks(options_.host_jitter);
+  const std::int64_t lag = microseconds_to_ticks(options_.host_lag);
+  std::int64_t allowed = microseconds_to_ticks(options_.host_jitter);
+  const bool doubtful = run.other && run.other_mismatch <= allowed;
 
   const S wander = options_.wander * options_.wander * kTickSeconds<S>;
   const S walk = wander * S(host_interval);
   // The measurement is the mean rate over the interval, not the rate at its end.
   const auto noise_over = [&](std::int64_t ticks) {
     const S stamp = options_.sigma_timestamp / (S(ticks) * kTickSeconds<S>);
-    return 2 * stamp * stamp + walk / 3;
+    return 2 * stamp * stamp + wander * S(ticks) / 3;
   };
-  S measured = rate_over(run.nearest);
-  S noise = noise_over(run.nearest);
-  S doubt = doubtful ? std::abs(measured - rate_over(*run.other)) : S(0);
+  window_.add(difference);
+  std::int64_t ticks = run.nearest;
   if (!tracked_) {
+    const S measured = rate_over(ticks);
     if (!(std::abs(measured) <= options_.max_clock_offset)) {
       return std::unexpected(restart(a, b, host, Error::ClockOffsetOutOfBounds));
     }
+    const S doubt = doubtful ? measured - rate_over(*run.other) : S(0);
     rebase(a, b, host);
     tracked_ = true;
-    state_ = {measured, noise + doubt * doubt};
-    return state_;
+    return state_ = {measured, noise_over(ticks) + doubt * doubt};
   }
 
-  // A rate known well enough tells the two wrap counts apart.
+  // A rate known well enough tells the wrap counts apart.
   const S prior = state_.variance + walk;
-  const S known = kGate * std::sqrt(prior + noise);
-  const auto departure = [&](S rate) { return std::abs(rate - state_.value); };
-  if (run.other && (doubtful || !(departure(measured) <= known))) {
-    S farther = rate_over(*run.other);
-    if (departure(farther) < departure(measured)) {
-      std::swap(measured, farther);
-      noise = noise_over(*run.other);
-    }
-    if (departure(farther) > known) doubt = 0;
+  const auto departure = [&](std::int64_t t) { return std::abs(rate_over(t) - state_.value); };
+  const auto known = [&](std::int64_t t) { return kGate * std::sqrt(prior + noise_over(t)); };
+  const auto explained_by = [&](S rate) {
+    return unwrap_explained(a, a_, S(difference) / rate, host_interval, lag);
+  };
+  if (doubtful && departure(*run.other) < departure(ticks)) ticks = *run.other;
+  bool recovered = false;
+  if (!(departure(ticks) <= known(ticks))) {
+    const std::int64_t lost = explained_by(state_.value);
+    recovered = departure(lost) < departure(ticks);
+    if (recovered) ticks = lost;
   }
 
-  if (!(departure(measured) <= known + options_.max_rate_step) ||
+  // The bounds, which know no wraps, may know better.
+  const std::int64_t window = window_.length(host);
+  const RateBounds<S> bounds =
+      window_.bounds(host, options_.host_lag, options_.max_clock_offset,
+                     kGate * std::sqrt(noise_over(microseconds_to_ticks(window))));
+  bool replaced = false;
+  if (run.other && run.other_mismatch <= lag && !settled_ && !bounds.admit(state_.value)) {
+    const std::int64_t better = explained_by(bounds.middle);
+    replaced = bounds.admit(rate_over(better));
+    if (replaced) ticks = better;
+  }
+  if (recovered || replaced) allowed = lag;
+  const S measured = rate_over(ticks);
+  const S noise = noise_over(ticks);
+
+  // Other counts that remain.
+  S doubt = 0;
+  bool alone = true;
+  for (const std::int64_t wrap : {-DeviceTime<Bits>::kWrap, DeviceTime<Bits>::kWrap}) {
+    const std::int64_t rival = ticks + wrap;
+    const std::int64_t mismatch = std::abs(rival - host_interval);
+    if (rival <= 0 || mismatch > lag || !bounds.admit(rate_over(rival))) continue;
+    alone = false;
+    if (mismatch <= allowed && (replaced || departure(rival) <= known(rival))) {
+      doubt = std::max(doubt, std::abs(measured - rate_over(rival)));
+    }
+  }
+
+  if (!(replaced || departure(ticks) <= known(ticks) + options_.max_rate_step) ||
       !(std::abs(measured) <= options_.max_clock_offset)) {
     if (jumped_) return std::unexpected(restart(a, b, host, Error::ClockJump));
     rebase(a, b, host);
+    window_.start(host);
     state_.variance = prior;
     jumped_ = true;
     return std::unexpected(Error::ClockJump);
   }
   rebase(a, b, host);
+  if (window > window_.kLongest * options_.host_lag) window_.start(host);
   jumped_ = false;
-  const S gain = prior / (prior + noise);
-  state_ = {state_.value + gain * (measured - state_.value), std::max(gain * noise, doubt * doubt)};
-  return state_;
+  settled_ = settled_ || alone;
+  // Where the rate told the count, and others fit too, the count tells nothing of the rate.
+  if (recovered && !replaced && doubt > 0) return state_ = {state_.value, prior};
+  const S gain = replaced ? S(1) : prior / (prior + noise);
+  return state_ = {state_.value + gain * (measured - state_.value),
+                   std::max(gain * noise, doubt * doubt)};
 }
 
 }  // namespace uwbpos

@@ -12,6 +12,11 @@
 
 namespace uwbpos {
 
+/// Host time in ticks, 63 897.6 a microsecond; a thousand hours are 2.3e17.
+[[nodiscard]] constexpr std::int64_t microseconds_to_ticks(std::int64_t microseconds) {
+  return microseconds * 63'897 + microseconds * 3 / 5;
+}
+
 /// Ticks that a counter may have run: residue + kW. `nearest` to what the host says, and the
 /// second nearest, `other`, with `other_mismatch` its distance from that; both positive.
 struct UnwrappedInterval {
@@ -35,6 +40,18 @@ template <unsigned Bits>
   const std::int64_t other = host_interval < nearest ? nearest - wrap : nearest + wrap;
   if (other <= 0) return {nearest, std::nullopt, 0};
   return {nearest, other, std::max(other - host_interval, host_interval - other)};
+}
+
+/// As that, the one nearest to `expected` [ticks], a real number (or NaN: any) that counts as far
+/// as it lies within `slack` of `host_interval`.
+template <class S, unsigned Bits>
+[[nodiscard]] constexpr std::int64_t unwrap_explained(DeviceTime<Bits> later,
+                                                      DeviceTime<Bits> earlier, S expected,
+                                                      std::int64_t host_interval,
+                                                      std::int64_t slack) {
+  const S low = S(std::max<std::int64_t>(host_interval - slack, 1));
+  const S within = expected > low ? std::min(expected, S(host_interval + slack)) : low;
+  return unwrap_interval(later, earlier, static_cast<std::int64_t>(within)).nearest;
 }
 
 }  // namespace uwbpos
