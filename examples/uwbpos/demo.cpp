@@ -18,6 +18,7 @@
 
 #include "command_line.hpp"
 #include "commands.hpp"
+#include "demo_posture.hpp"
 #include "demo_ultrasonic.hpp"
 #include "failure.hpp"
 #include "simulate.hpp"
@@ -190,6 +191,7 @@ int run_demo(const std::filesystem::path& out) {
         "   folder in UWBPOS_DATA to see them calibrated and replayed.\n");
   }
   show_ultrasound(out);
+  show_posture(out);
   fmt::print("\nNow open the report: {}\n", report.string());
   return kSuccess;
 }

@@ -167,6 +167,14 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
     said.push_back(fmt::format("{} of links that the bias file does not have, taken as unbiased.",
                                count_of(replay.without_bias, "reading")));
   }
+  if (replay.never_together) {
+    said.emplace_back(
+        "No epoch holds ranges of two tags that give a pose: positions are those of the tags.");
+  }
+  if (replay.body && replay.body->chosen_by_prior > 0) {
+    said.push_back(fmt::format("{} settled between two poses by the body's last position.",
+                               count_of(replay.body->chosen_by_prior, "epoch")));
+  }
   if (replay.chosen_by_prior > 0) {
     said.push_back(fmt::format("{} settled between two mirror images by the tag's last position.",
                                count_of(replay.chosen_by_prior, "epoch")));
