@@ -25,7 +25,7 @@ constexpr double kSide = 20;   // of a subnet's hall [m]
 constexpr double kReach = 25;  // of a blink [m]
 using Uplink = UplinkSubnet<double, 3, sim::kMaxSubnetAnchors>;
 
-int complain(const char* what, Error error) {
+int refused(const char* what, Error error) {
   const std::string_view words = describe(error);
   std::printf("%s: %.*s\n", what, static_cast<int>(words.size()), words.data());
   return 1;
@@ -77,7 +77,7 @@ int main() {
   for (const auto& [x, y] :
        {std::pair{4.0, 4.0}, {36.0, 6.0}, {33.0, 35.0}, {5.0, 34.0}, {6.0, 6.0}, {34.0, 33.0}}) {
     const auto added = sim::add(route, {x, y, 1.5});
-    if (!added) return complain("route", added.error());
+    if (!added) return refused("route", added.error());
   }
   sim::UplinkScenario scenario{.site = {.path = route}};
   sim::Site& site = scenario.site;
@@ -86,17 +86,17 @@ int main() {
   sim::Random random{"survey of the building"};
   for (int k = 0; k < kSubnets; ++k) {
     const auto subnet = hang(k);
-    if (!subnet) return complain("anchors", subnet.error());
-    if (const auto added = sim::add(site, *subnet); !added) return complain("site", added.error());
+    if (!subnet) return refused("anchors", subnet.error());
+    if (const auto added = sim::add(site, *subnet); !added) return refused("site", added.error());
     const auto uplink = own_frame(*subnet);
-    if (!uplink) return complain("uplink", uplink.error());
+    if (!uplink) return refused("uplink", uplink.error());
     uplinks.push_back(*uplink);
     const auto fit = survey(*subnet, random);
-    if (!fit) return complain("transform", fit.error());
+    if (!fit) return refused("transform", fit.error());
     const std::uint32_t control = subnet->anchors[subnet->control].id;
     if (const auto added = map.add({static_cast<std::uint32_t>(k + 1), control, fit->a_T_b});
         !added) {
-      return complain("subnet", added.error());
+      return refused("subnet", added.error());
     }
     std::printf("subnet %d: fits its surveyed anchors to %.0f mm rms\n", k + 1, 1000 * fit->rms);
   }
@@ -105,7 +105,7 @@ int main() {
   site.seed = 4;
   scenario.blink_rate = 5;
   auto run = sim::UplinkSimulation::start(scenario);
-  if (!run) return complain("simulation", run.error());
+  if (!run) return refused("simulation", run.error());
 
   std::puts(
       "\n  t [s]     truth [m]             track [m]             ±1σ [m]          error [m]  by");
@@ -161,7 +161,7 @@ int main() {
     FuseOptions<double> fusing;
     if (previous) fusing.preferred = previous->leading;
     const auto fused = fuse_and_learn(map, fixes, fusing);
-    if (!fused) return complain("fusion", fused.error());
+    if (!fused) return refused("fusion", fused.error());
     const Vec<double, 3> error = fused->fix.position - blink.tag;
     const Mat<double, 3>& covariance = fused->fix.covariance;
     const Ldlt<double, 3> claimed{covariance};

@@ -15,7 +15,7 @@ namespace {
 using namespace uwbpos;
 using Point = Vec<double, 2>;
 
-constexpr double kSigma = 0.1;  // of one arrival [m]
+constexpr double kArrivalSigma = 0.1;  // of one arrival [m]
 constexpr int kDraws = 2000;
 
 // Mean squared error of `solve` over draws of noise, over the bound's.
@@ -48,7 +48,8 @@ int main() {
   const auto arrivals = [&](sim::Random& random) {
     std::vector<RangeTo<double, 2>> ranges;
     for (const Point& a : anchors) {
-      ranges.push_back({a, predict_range(tag, a).range + random.normal(0, kSigma), kSigma});
+      ranges.push_back(
+          {a, predict_range(tag, a).range + random.normal(0, kArrivalSigma), kArrivalSigma});
     }
     return ranges;
   };
@@ -64,10 +65,11 @@ int main() {
 
   sim::Random any{1};
   const auto range_bound = cramer_rao_bound(arrivals(any), tag);
-  const auto difference_bound = cramer_rao_bound(anchors[0], differences(any), kSigma, tag);
+  const auto difference_bound = cramer_rao_bound(anchors[0], differences(any), kArrivalSigma, tag);
   if (!range_bound || !difference_bound) return 1;
 
-  std::printf("Five anchors, sigma %.2f m; error over bound, refused of %d\n\n", kSigma, kDraws);
+  std::printf("Five anchors, sigma %.2f m; error over bound, refused of %d\n\n", kArrivalSigma,
+              kDraws);
   std::printf("Ranges: the bound is %.1f cm\n", 100 * std::sqrt(range_bound->trace()));
   report("toa_closed_form", tag, *range_bound, [&](auto& random) -> Result<Point> {
     const auto images = toa_closed_form(arrivals(random));
@@ -92,10 +94,10 @@ int main() {
     return (both->first - tag).norm() < (both->second - tag).norm() ? both->first : both->second;
   });
   report("tdoa_chan", tag, *difference_bound, [&](auto& random) {
-    return position_of_fix(tdoa_chan(anchors[0], differences(random), kSigma));
+    return position_of_fix(tdoa_chan(anchors[0], differences(random), kArrivalSigma));
   });
   report("locate, shared reference", tag, *difference_bound, [&](auto& random) {
-    return position_of_fix(locate(anchors[0], differences(random), kSigma));
+    return position_of_fix(locate(anchors[0], differences(random), kArrivalSigma));
   });
   report("locate_with_bias", tag, *difference_bound,
          [&](auto& random) { return position_of_fix(locate_with_bias(arrivals(random))); });
@@ -109,9 +111,9 @@ int main() {
     for (std::size_t i = 0; i < anchors.size(); ++i) {
       const Point& a = anchors[i];
       const Point& b = anchors[(i + 1) % anchors.size()];
-      const double noise = random.normal(0, std::numbers::sqrt2 * kSigma);
+      const double noise = random.normal(0, std::numbers::sqrt2 * kArrivalSigma);
       pairs.push_back({a, b, predict_range_difference(tag, a, b).difference + noise,
-                       std::numbers::sqrt2 * kSigma});
+                       std::numbers::sqrt2 * kArrivalSigma});
     }
     return pairs;
   };

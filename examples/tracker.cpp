@@ -89,4 +89,5 @@ int main() {
   const GateCounters& counters = tracker.counters();
   std::printf("%u ranges used, %u refused as outliers, %u as out of reach\n", counters.used(),
               counters.refused(Error::OutlierRejected), counters.refused(Error::Unreachable));
+  return 0;
 }

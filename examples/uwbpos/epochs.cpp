@@ -14,7 +14,6 @@ namespace uwbpos::host {
 namespace {
 
 constexpr double kFallbackWindow = 0.1;
-constexpr double kRounding = 1e-6;  // of times since 1970 printed in decimal [s]
 
 // Epochs and the place of each one's first reading in the log.
 using Placed = std::vector<std::pair<std::size_t, Epoch>>;
@@ -69,7 +68,7 @@ Epochs group_epochs(const std::vector<Reading>& readings, const EpochRule& rule)
         ++result.duplicates;
         continue;
       }
-      if (reading.t - open.epoch.readings.front().t > rule.window + kRounding ||
+      if (reading.t - open.epoch.readings.front().t > rule.window + kTimeRounding ||
           (repeats && reading.t - seen->second >= rule.repeat_gap) ||
           open.epoch.readings.size() == static_cast<std::size_t>(kMaxMeasurements)) {
         close(closed, open.epoch, open.first);

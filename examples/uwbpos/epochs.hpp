@@ -11,6 +11,9 @@
 
 namespace uwbpos::host {
 
+/// Of times since 1970 printed in decimal [s].
+inline constexpr double kTimeRounding = 1e-6;
+
 /// The readings of one tag that are solved together.
 struct Epoch {
   Id tag;

@@ -9,8 +9,8 @@
 namespace uwbpos::host {
 namespace {
 
-constexpr int kGrid = 6;            // places on a side
-constexpr double kRounding = 1e-9;  // [m]
+constexpr int kGrid = 6;           // places on a side
+constexpr double kSettled = 1e-9;  // [m]
 
 NormalEquations<double, 2> normal_at(Pairs pairs, const Vec<double, 3>& position) {
   NormalEquations<double, 2> normal;
@@ -64,7 +64,7 @@ Result<Fix<double, 2>> locate_level(Pairs pairs, double height,
   };
   const auto descend_from = [&](const Vec<double, 2>& start) {
     constexpr int most = 50;
-    const auto found = minimise<double, 2>(evaluate, start, kRounding, most);
+    const auto found = minimise<double, 2>(evaluate, start, kSettled, most);
     if (!found || !Ldlt<double, 2>{found->information}.positive_definite()) return;
     if (!best || (found->chi_squared < best->chi_squared && !same(*found, *best))) {
       other = best;

@@ -63,7 +63,7 @@ std::string thinned(std::size_t stride) {
   return stride > 1 ? fmt::format(" One position in {} is drawn.", stride) : std::string{};
 }
 
-std::string metres(double value) {
+std::string label_metres(double value) {
   if (value < 0.0995) return fmt::format("{:.1f} cm", 100 * value);
   return value < 0.995 ? fmt::format("{:.0f} cm", 100 * value) : fmt::format("{:.2f} m", value);
 }
@@ -97,7 +97,7 @@ std::string beyond(const std::vector<double>& ascending, double limit) {
   if (above == 0) return "";
   return fmt::format(" {} beyond the axis, up to {}.",
                      above == 1 ? std::string{"One lies"} : fmt::format("{} lie", above),
-                     metres(ascending.back()));
+                     label_metres(ascending.back()));
 }
 
 // Headings at some forty places, as arrows of the given length.
@@ -412,7 +412,7 @@ Figure distribution_figure(const Replay& replay) {
     // Side by side where the marks are close: 90 % above, 95 % below would collide.
     const double height = share < 0.6 ? 46 : share < 0.92 ? 74 : 84;
     line(script, "set label {} '{:.0f} %: {}' at {:.5f},{:.1f} offset 0.8,0 left tc {}", arrow,
-         100 * share, metres(error), quantile_of_sorted(ascending, share < 0.6 ? 0.5 : 0.95),
+         100 * share, label_metres(error), quantile_of_sorted(ascending, share < 0.6 ? 0.5 : 0.95),
          height, ink(Ink::kText));
     arrow += 2;
   }

@@ -28,7 +28,7 @@ std::string listed(const std::map<Id, std::size_t>& counts) {
   return fmt::format("{}", fmt::join(words, ", "));
 }
 
-std::size_t total(const std::map<Id, std::size_t>& counts) {
+std::size_t readings_in(const std::map<Id, std::size_t>& counts) {
   std::size_t sum = 0;
   for (const auto& [id, count] : counts) sum += count;
   return sum;
@@ -121,7 +121,7 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
   }
   if (!replay.unknown_anchors.empty()) {
     said.push_back(fmt::format("{} from anchors that the anchors file does not have: {}.",
-                               count_of(total(replay.unknown_anchors), "reading"),
+                               count_of(readings_in(replay.unknown_anchors), "reading"),
                                listed(replay.unknown_anchors)));
   }
   if (!replay.unknown_tags.empty()) {

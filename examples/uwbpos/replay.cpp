@@ -12,7 +12,6 @@ namespace uwbpos::host {
 namespace {
 
 constexpr double kTruthPause = 1;  // [s]
-constexpr std::size_t kProgressStep = 256;
 
 template <int D>
 Vec<double, D> part(const Vec3& v) {

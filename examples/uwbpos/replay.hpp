@@ -92,6 +92,9 @@ struct Site {
 /// On which side of the anchors a height lies.
 [[nodiscard]] Side side_of(double height, const Points& anchors);
 
+/// Epochs between two calls of a progress function.
+inline constexpr std::size_t kProgressStep = 64;
+
 /// Readings must ascend in time. In space a given height tells the side. `progress(done, of)` is
 /// called now and then.
 [[nodiscard]] Replay replay(Settings settings, const Site& site,

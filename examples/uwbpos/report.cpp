@@ -9,6 +9,7 @@
 
 #include "diagnosis.hpp"
 #include "plots.hpp"
+#include "report_parts.hpp"
 #include "report_style.hpp"
 
 namespace uwbpos::host {
@@ -29,26 +30,6 @@ std::string thousands(double value) {
   if (value >= 1e6) return fmt::format("{:.2g} M", value / 1e6);
   if (value >= 1e4) return fmt::format("{:.0f} 000", value / 1e3);
   return fmt::format("{:.0f}", value);
-}
-
-std::string number(std::string_view value, std::string_view meaning, bool first = false) {
-  return fmt::format("<div class=\"number{}\"><b>{}</b><span>{}</span></div>\n",
-                     first ? " first" : "", value, meaning);
-}
-
-std::string figure(const Figure& f) {
-  return fmt::format("<figure class=\"card\"><h2>{}</h2>{}<figcaption>{}</figcaption></figure>\n",
-                     f.title,
-                     f.svg ? *f.svg
-                           : "<p class=\"missing\">This plot is missing: gnuplot could not be run. "
-                             "Install it (Debian: gnuplot-nox) and replay again.</p>",
-                     f.caption);
-}
-
-std::string card(std::string_view title, std::string_view content,
-                 std::string_view extent = "later") {
-  return fmt::format("<section class=\"card {}\"><h2>{}</h2>{}</section>\n", extent, title,
-                     content);
 }
 
 std::string list(const std::vector<std::string>& sentences) {
@@ -185,7 +166,7 @@ std::string findings(const Settings& settings, const Recording& recording, const
          card("Tags", tag_table(replay), "wide later");
 }
 
-std::string range_row(std::string_view name, const SampleSummary& s) {
+std::string range_table_row(std::string_view name, const SampleSummary& s) {
   return fmt::format(
       "<tr><td>{}</td><td>{}</td><td>{:+.3f}</td><td>{:.3f}</td><td>{:+.3f}</td>"
       "<td>{:.1f} %</td></tr>\n",
@@ -208,9 +189,9 @@ std::string range_section(const Ranging& ranging) {
   std::string table =
       "<div class=\"scroll\"><table><tr><th>error [m]</th><th>ranges</th>"
       "<th>median</th><th>spread</th><th>mean</th><th>&gt; 0.6 m</th></tr>\n";
-  table += range_row("ranged here", score.ours);
-  if (score.logged) table += range_row("as the module logged", *score.logged);
-  if (score.uncorrected) table += range_row("clocks not corrected", *score.uncorrected);
+  table += range_table_row("ranged here", score.ours);
+  if (score.logged) table += range_table_row("as the module logged", *score.logged);
+  if (score.uncorrected) table += range_table_row("clocks not corrected", *score.uncorrected);
   table += "</table></div><p class=\"note\">Spread: 1.4826 × median absolute deviation.";
   if (score.spread_at_one_distance) {
     table += fmt::format(" At one distance, averaged over the distances, it is {:.3f} m here",

@@ -93,7 +93,7 @@ Json json_of(const Ranging& ranging) {
   return json;
 }
 
-std::string metres(double value) {
+std::string metres_cell(double value) {
   return std::isfinite(value) ? fmt::format("{:.3f}", value) : std::string{"-"};
 }
 
@@ -101,9 +101,9 @@ std::string error_row(std::string_view name, const Outcome& outcome, int dim) {
   std::string row = fmt::format("{:<10}{:>9}{:>9}", name, outcome.epochs, outcome.solved);
   if (outcome.scored == 0) return row + '\n';
   const ErrorSummary& e = outcome.error;
-  row += fmt::format("{:>9}{:>9}{:>9}{:>9}{:>9}", metres(e.rmse), metres(e.mean), metres(e.median),
-                     metres(e.p95), metres(e.max));
-  if (dim == 3) row += fmt::format("{:>9}", metres(e.rmse_xy));
+  row += fmt::format("{:>9}{:>9}{:>9}{:>9}{:>9}", metres_cell(e.rmse), metres_cell(e.mean),
+                     metres_cell(e.median), metres_cell(e.p95), metres_cell(e.max));
+  if (dim == 3) row += fmt::format("{:>9}", metres_cell(e.rmse_xy));
   return row + '\n';
 }
 

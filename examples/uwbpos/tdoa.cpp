@@ -17,12 +17,10 @@
 namespace uwbpos::host {
 namespace {
 
-constexpr double kRounding = 1e-6;  // of times since 1970 printed in decimal [s]
-constexpr std::size_t kProgressStep = 64;
 constexpr double kArrivalsPerDifference = std::numbers::sqrt2;  // of sigmas
 
 // Epochs and the place of each one's first difference in the log.
-using Placed = std::vector<std::pair<std::size_t, DifferenceEpoch>>;
+using PlacedDifferences = std::vector<std::pair<std::size_t, DifferenceEpoch>>;
 
 struct Open {
   DifferenceEpoch epoch;
@@ -30,7 +28,7 @@ struct Open {
   std::set<Id> anchors;
 };
 
-void close(Placed& closed, Open& open) {
+void close(PlacedDifferences& closed, Open& open) {
   if (open.epoch.differences.empty()) return;
   const double start = open.epoch.differences.front().t;
   double sum = 0;
@@ -388,13 +386,13 @@ DifferenceRule difference_rule(const std::vector<Difference>& differences, int d
 
 std::vector<DifferenceEpoch> group_differences(const std::vector<Difference>& differences,
                                                const DifferenceRule& rule) {
-  Placed closed;
+  PlacedDifferences closed;
   std::map<Id, Open> open_of_tag;
   for (std::size_t i = 0; i < differences.size(); ++i) {
     const Difference& d = differences[i];
     Open& open = open_of_tag[d.tag];
     std::vector<Difference>& group = open.epoch.differences;
-    if (!group.empty() && (d.t - group.front().t > rule.window + kRounding ||
+    if (!group.empty() && (d.t - group.front().t > rule.window + kTimeRounding ||
                            group.size() == static_cast<std::size_t>(kMaxMeasurements))) {
       close(closed, open);
     }

@@ -12,6 +12,7 @@
 #include "output.hpp"
 #include "plots.hpp"
 #include "report.hpp"
+#include "report_parts.hpp"
 #include "report_style.hpp"
 #include "statistics.hpp"
 #include "summary.hpp"
@@ -37,21 +38,6 @@ Json counts_json(const std::map<Key, std::size_t>& counts) {
 }
 
 std::string centimetres(double metres) { return fmt::format("{:.2f} cm", 100 * metres); }
-
-std::string number(const std::string& value, std::string_view meaning) {
-  return fmt::format("<div class=\"number\"><b>{}</b><span>{}</span></div>\n", value, meaning);
-}
-
-std::string card(std::string_view title, const std::string& content) {
-  return fmt::format("<section class=\"card\"><h2>{}</h2>{}</section>\n", title, content);
-}
-
-std::string figure(const Figure& f) {
-  return fmt::format(
-      "<figure class=\"card\"><h2>{}</h2>{}<figcaption>{}</figcaption></figure>\n", f.title,
-      f.svg ? *f.svg : "<p class=\"missing\">gnuplot could not be run; install gnuplot-nox.</p>",
-      f.caption);
-}
 
 }  // namespace
 

@@ -9,6 +9,8 @@
 
 #include "support/random_geometry.hpp"
 
+namespace tests::accuracy_cramer_rao {
+
 using namespace uwbpos;
 
 TEST_CASE_TEMPLATE("in the centre of a square the bound is sigma²/2 each way", S, float, double) {
@@ -76,3 +78,5 @@ TEST_CASE_TEMPLATE("a bound that does not exist is refused by name", S, float, d
   CHECK(bound({R{{0, 0}, 1}, R{{0, 5}, 1}}, Vec<S, 2>{nan, 1}) == Error::NotFinite);
   CHECK(bound({R{{0, 0}, 1}, R{{0, 5}, 1, 0}}) == Error::NonPositiveSigma);
 }
+
+}  // namespace tests::accuracy_cramer_rao

@@ -10,6 +10,8 @@
 
 #include "support/random_geometry.hpp"
 
+namespace tests::accuracy_dop {
+
 using namespace uwbpos;
 
 TEST_CASE_TEMPLATE("dilutions of known places", S, float, double) {
@@ -64,3 +66,5 @@ TEST_CASE_TEMPLATE("a dilution that does not exist is refused by name", S, float
   CHECK(error({{0, 0}, {nan, 0}}, {1, 1}) == Error::NotFinite);
   CHECK(error({{0, 0}, {2, 0}}, {1, nan}) == Error::NotFinite);
 }
+
+}  // namespace tests::accuracy_dop

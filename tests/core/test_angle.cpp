@@ -7,6 +7,8 @@
 #include "uwbpos/core/angle.hpp"
 #include "uwbpos/sim/noise.hpp"
 
+namespace tests::core_angle {
+
 using namespace uwbpos;
 
 TEST_CASE_TEMPLATE("an angle is wrapped into (-pi, pi]", S, float, double) {
@@ -43,3 +45,5 @@ TEST_CASE_TEMPLATE("the difference of two angles takes the short way", S, float,
   CHECK(std::abs(radians_to_degrees(degrees_to_radians(S(123))) - S(123)) < 100 * ulps);
   CHECK(degrees_to_radians(S(180)) == std::numbers::pi_v<S>);
 }
+
+}  // namespace tests::core_angle

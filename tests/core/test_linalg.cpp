@@ -7,6 +7,8 @@
 
 #include "support/random_geometry.hpp"
 
+namespace tests::core_linalg {
+
 using namespace uwbpos;
 
 namespace {
@@ -75,3 +77,5 @@ TEST_CASE_TEMPLATE("small products are what they say", S, float, double) {
   CHECK_FALSE(all_finite(Vec<S, 2>{S(1), std::numeric_limits<S>::infinity()}));
   CHECK_FALSE(all_finite(Vec<S, 2>{std::numeric_limits<S>::quiet_NaN(), S(1)}));
 }
+
+}  // namespace tests::core_linalg

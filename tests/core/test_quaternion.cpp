@@ -10,6 +10,8 @@
 
 #include "support/random_geometry.hpp"
 
+namespace tests::core_quaternion {
+
 using namespace uwbpos;
 
 namespace {
@@ -63,3 +65,5 @@ TEST_CASE_TEMPLATE("quaternion: the shortest rotation takes one direction to the
     CHECK(quaternion_between<S>(up, Vec<S, 3>::Zero()) == identity_quaternion<S>());
   }
 }
+
+}  // namespace tests::core_quaternion

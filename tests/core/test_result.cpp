@@ -6,6 +6,8 @@
 
 #include "uwbpos/core/result.hpp"
 
+namespace tests::core_result {
+
 using namespace uwbpos;
 
 TEST_CASE("every error is described in its own words") {
@@ -28,3 +30,5 @@ TEST_CASE("descriptions are available at compile time") {
   static_assert(!describe(Error::AmbiguousSolution).empty());
   static_assert(sizeof(Error) == 1);
 }
+
+}  // namespace tests::core_result

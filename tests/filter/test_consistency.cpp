@@ -12,6 +12,8 @@
 #include "support/nees.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::filter_consistency {
+
 // Normalised squared errors of states (NEES) at the end of independent runs, and of innovations
 // (NIS) over all of them, against their χ² intervals.
 
@@ -171,3 +173,5 @@ TEST_CASE("consistency: noises of bodies with an inertial unit believed wrong by
     check_outside(fly(Radio::Ranges, 1, factor, kFewRuns), 6);
   }
 }
+
+}  // namespace tests::filter_consistency

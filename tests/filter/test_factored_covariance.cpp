@@ -10,6 +10,8 @@
 
 #include "support/random_geometry.hpp"
 
+namespace tests::filter_factored_covariance {
+
 namespace {
 
 using namespace uwbpos;
@@ -179,3 +181,5 @@ TEST_CASE_TEMPLATE("kalman: bad numbers are refused and change nothing", S, floa
 }
 
 }  // namespace
+
+}  // namespace tests::filter_factored_covariance

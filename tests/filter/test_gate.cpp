@@ -9,6 +9,8 @@
 
 #include "support/statistics.hpp"
 
+namespace tests::filter_gate {
+
 using namespace uwbpos;
 
 TEST_CASE_TEMPLATE("gate: reach grows with time as speed and acceleration let it", S, float,
@@ -103,3 +105,5 @@ TEST_CASE("gate: a filter that is locked out is told from one that meets outlier
   CHECK(time - begin == 600'000);
   CHECK(watch.last_used() == begin);
 }
+
+}  // namespace tests::filter_gate

@@ -16,6 +16,8 @@
 #include "support/numeric_jacobian.hpp"
 #include "support/random_geometry.hpp"
 
+namespace tests::filter_motion {
+
 namespace {
 
 using namespace uwbpos;
@@ -226,3 +228,5 @@ TEST_CASE_TEMPLATE("motion: an inertial body begins upright and looks where told
 }
 
 }  // namespace
+
+}  // namespace tests::filter_motion

@@ -17,6 +17,8 @@
 #include "support/data.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::filter_recordings {
+
 // Trackers on recordings of real radios, causally: what they say is what they knew then.
 
 namespace {
@@ -170,3 +172,5 @@ TEST_CASE("recordings: a robot outside its box of four anchors") {
   CHECK(off.size() > 7000);
   CHECK(test::root_mean_square(off) <= 0.40);
 }
+
+}  // namespace tests::filter_recordings

@@ -12,6 +12,8 @@
 #include "filter/flights.hpp"
 #include "support/random_geometry.hpp"
 
+namespace tests::filter_tracker {
+
 namespace {
 
 using namespace uwbpos;
@@ -327,3 +329,5 @@ TEST_CASE("tracker: float follows double within a millimetre, hours after the ep
   CHECK((a->covariance - b->covariance.cast<double>()).cwiseAbs().maxCoeff() <
         1e-3 * a->covariance.cwiseAbs().maxCoeff());
 }
+
+}  // namespace tests::filter_tracker

@@ -9,6 +9,8 @@
 
 #include "filter/flights.hpp"
 
+namespace tests::filter_tracker_kinds {
+
 // Trackers of other kinds than the planar robot: points in the plane and in space, anchors with
 // biases, bodies with an inertial unit.
 
@@ -163,3 +165,5 @@ TEST_CASE("tracker kinds: float follows double in flight, with an inertial unit 
   CHECK((later->body.position - course.position(t + 1)).norm() <
         4 * std::sqrt(later->covariance.topLeftCorner<3, 3>().trace()));
 }
+
+}  // namespace tests::filter_tracker_kinds

@@ -10,6 +10,8 @@
 #include "filter/flights.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::filter_tracker_outliers {
+
 // What a hall does to a tracker: the error stays within twice that of the same run unspoiled.
 
 namespace {
@@ -135,3 +137,5 @@ TEST_CASE("outliers: carried away, the filter that its gate locks out reopens") 
   compare("ranges, carried away", Radio::Ranges, Spoil::Teleport);
   compare("differences, carried away", Radio::PairDifferences, Spoil::Teleport);
 }
+
+}  // namespace tests::filter_tracker_outliers

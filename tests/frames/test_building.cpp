@@ -13,6 +13,8 @@
 #include "uwbpos/sim/uplink.hpp"
 #include "uwbpos/solve/locate.hpp"
 
+namespace tests::frames_building {
+
 using namespace uwbpos;
 
 namespace {
@@ -164,3 +166,5 @@ TEST_CASE("From blinks to one map: four subnets, a walk through all of them") {
   // The fixes' own noise alone makes two of them differ by more than 3σ once in 34.
   CHECK(beyond <= 2 * borders / 34);
 }
+
+}  // namespace tests::frames_building

@@ -12,6 +12,8 @@
 #include "support/nees.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::frames_fit_transform {
+
 using namespace uwbpos;
 
 namespace {
@@ -294,3 +296,5 @@ TEST_CASE_TEMPLATE("points that determine no transform are refused by name", S, 
                                              {{1, 0, 0}, {1, 0, 0}}};
   CHECK(fit_transform(two).error() == Error::TooFewMeasurements);
 }
+
+}  // namespace tests::frames_fit_transform

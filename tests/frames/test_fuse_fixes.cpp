@@ -12,6 +12,8 @@
 #include "support/nees.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::frames_fuse_fixes {
+
 using namespace uwbpos;
 
 namespace {
@@ -378,3 +380,5 @@ TEST_CASE_TEMPLATE("fixes that cannot be fused are refused by name", S, float, d
         Error::InvalidOption);
   CHECK(fuse_fixes(subnets, Fixes<S>{good, other}));
 }
+
+}  // namespace tests::frames_fuse_fixes

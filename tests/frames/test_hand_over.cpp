@@ -9,6 +9,8 @@
 #include "support/nees.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::frames_hand_over {
+
 using namespace uwbpos;
 
 namespace {
@@ -169,3 +171,5 @@ TEST_CASE("learning makes hand-overs smoother than fusion alone") {
   // A walk crosses every border at least twice: only the first crossing is news.
   CHECK(test::mean(learned.added_step) < 0.5 * test::mean(fused.added_step));
 }
+
+}  // namespace tests::frames_hand_over

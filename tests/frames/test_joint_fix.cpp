@@ -13,6 +13,8 @@
 #include "support/nees.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::frames_joint_fix {
+
 using namespace uwbpos;
 
 namespace {
@@ -223,3 +225,5 @@ TEST_CASE_TEMPLATE("fixes with no covariance are refused", S, float, double) {
   TransformErrors<S, 2, 2> none;
   CHECK(joint_fix<S, 2, 2>(s, none).error() == Error::InvalidCovariance);
 }
+
+}  // namespace tests::frames_joint_fix

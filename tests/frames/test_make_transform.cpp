@@ -9,6 +9,8 @@
 
 #include "frames/scenes.hpp"
 
+namespace tests::frames_make_transform {
+
 using namespace uwbpos;
 
 TEST_CASE_TEMPLATE("a quarter turn takes x to y", S, float, double) {
@@ -134,3 +136,5 @@ TEST_CASE_TEMPLATE("a planar transform lifted into space does the same above its
     CHECK(found(2, 0) == S(0));
   }
 }
+
+}  // namespace tests::frames_make_transform

@@ -8,6 +8,8 @@
 
 #include "frames/scenes.hpp"
 
+namespace tests::frames_subnet {
+
 using namespace uwbpos;
 
 TEST_CASE_TEMPLATE("a subnet that was added is found, its control anchor at its origin", S, float,
@@ -100,3 +102,5 @@ TEST_CASE_TEMPLATE("errors that were learned correct the transforms", S, float, 
     CHECK(subnets.covariance(0, 1)(0, 0) == S(0.0005));
   }
 }
+
+}  // namespace tests::frames_subnet

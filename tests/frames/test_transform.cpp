@@ -9,6 +9,8 @@
 #include "support/numeric_jacobian.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::frames_transform {
+
 using namespace uwbpos;
 
 namespace {
@@ -186,3 +188,5 @@ TEST_CASE_TEMPLATE("an error of yaw grows into metres with the distance", S, flo
   CHECK(far(1, 1) == doctest::Approx(0.2 * 0.2));
   CHECK(far(0, 0) == S(0));
 }
+
+}  // namespace tests::frames_transform

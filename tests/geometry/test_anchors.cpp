@@ -10,6 +10,8 @@
 
 #include "../support/random_geometry.hpp"
 
+namespace tests::geometry_anchors {
+
 namespace {
 
 using uwbpos::Anchors;
@@ -75,3 +77,5 @@ TEST_CASE_TEMPLATE("Every wrong use of an anchor table is refused by name and ch
 }
 
 }  // namespace
+
+}  // namespace tests::geometry_anchors

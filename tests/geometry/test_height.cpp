@@ -10,6 +10,8 @@
 
 #include "../support/statistics.hpp"
 
+namespace tests::geometry_height {
+
 namespace {
 
 using uwbpos::Error;
@@ -205,3 +207,5 @@ TEST_CASE_TEMPLATE("Huge and tiny ranges do not overflow on the way", S, float, 
 }
 
 }  // namespace
+
+}  // namespace tests::geometry_height

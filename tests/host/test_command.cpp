@@ -14,6 +14,8 @@
 #include "../support/data.hpp"
 #include "files.hpp"
 
+namespace tests::host_command {
+
 namespace {
 
 using namespace uwbpos::host;
@@ -315,3 +317,5 @@ TEST_CASE("hanyang: raw 32-bit stamps alone beat the module's own ranges") {
 }
 
 }  // namespace
+
+}  // namespace tests::host_command

@@ -10,6 +10,8 @@
 
 #include "files.hpp"
 
+namespace tests::host_csv {
+
 namespace {
 
 using namespace uwbpos::host;
@@ -267,3 +269,5 @@ TEST_CASE("Trajectories: comments, CRLF, malformed rows, and no row at all") {
 }
 
 }  // namespace
+
+}  // namespace tests::host_csv

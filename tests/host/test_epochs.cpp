@@ -5,6 +5,8 @@
 #include <doctest/doctest.h>
 #include <epochs.hpp>
 
+namespace tests::host_epochs {
+
 namespace {
 
 using namespace uwbpos::host;
@@ -93,3 +95,5 @@ TEST_CASE("No epoch has more readings than a solver takes") {
 }
 
 }  // namespace
+
+}  // namespace tests::host_epochs

@@ -8,6 +8,8 @@
 
 #include <uwbpos/core/constants.hpp>
 
+namespace tests::host_exchanges {
+
 namespace {
 
 using namespace uwbpos;
@@ -134,3 +136,5 @@ TEST_CASE("Scores of ranges: robust spread at one distance is free of what diffe
 }
 
 }  // namespace
+
+}  // namespace tests::host_exchanges

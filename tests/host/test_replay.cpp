@@ -9,6 +9,8 @@
 
 #include <uwbpos/sim/noise.hpp>
 
+namespace tests::host_replay {
+
 namespace {
 
 using namespace uwbpos;
@@ -230,3 +232,5 @@ TEST_CASE("Huber's location is the mean of what agrees, and outliers pull it by 
 }
 
 }  // namespace
+
+}  // namespace tests::host_replay

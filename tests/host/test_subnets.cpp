@@ -13,6 +13,8 @@
 
 #include "files.hpp"
 
+namespace tests::host_subnets {
+
 namespace {
 
 using namespace uwbpos::host;
@@ -131,3 +133,5 @@ TEST_CASE("Differences across subnets are refused, and files that make no subnet
 }
 
 }  // namespace
+
+}  // namespace tests::host_subnets

@@ -14,6 +14,8 @@
 
 #include "files.hpp"
 
+namespace tests::host_tdoa {
+
 namespace {
 
 using namespace uwbpos;
@@ -238,3 +240,5 @@ TEST_CASE("Exit code 2 where --tdoa has no business") {
 }
 
 }  // namespace
+
+}  // namespace tests::host_tdoa

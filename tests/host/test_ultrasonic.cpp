@@ -10,6 +10,8 @@
 
 #include "files.hpp"
 
+namespace tests::host_ultrasonic {
+
 namespace {
 
 using namespace uwbpos;
@@ -115,3 +117,5 @@ TEST_CASE("Ultrasonic: nothing to solve ends the run") {
 }
 
 }  // namespace
+
+}  // namespace tests::host_ultrasonic

@@ -11,6 +11,8 @@
 #include "support/numeric_jacobian.hpp"
 #include "support/random_geometry.hpp"
 
+namespace tests::model_heading {
+
 using namespace uwbpos;
 
 TEST_CASE_TEMPLATE("heading: direction in plan and gradient by turns of the body", S, float,
@@ -47,3 +49,5 @@ TEST_CASE_TEMPLATE("lever arm: gradients by turns of the body", S, float, double
     CHECK(heading_gradient<S>(arm, g) == turn_gradient<S>(arm, g)[2]);
   }
 }
+
+}  // namespace tests::model_heading

@@ -6,6 +6,8 @@
 #include "support/numeric_jacobian.hpp"
 #include "support/random_geometry.hpp"
 
+namespace tests::model_range {
+
 using namespace uwbpos;
 
 namespace {
@@ -39,3 +41,5 @@ TEST_CASE_TEMPLATE("at the anchor the range is zero and so is the gradient", S, 
   CHECK(predicted.range == S(0));
   CHECK(predicted.gradient == Vec<S, 3>::Zero());
 }
+
+}  // namespace tests::model_range

@@ -10,6 +10,8 @@
 
 #include "uwbpos/model/range_set.hpp"
 
+namespace tests::model_range_set {
+
 using namespace uwbpos;
 
 static_assert(RangeSet<std::vector<RangeTo<float, 2>>>);
@@ -58,3 +60,5 @@ TEST_CASE_TEMPLATE("chi squared is the sum of squared normalised residuals", S, 
                                             RangeTo<S, 2>{{0, 2}, 1, S(0.25)}};
   CHECK(chi_squared<S, 2>(ranges, Vec<S, 2>::Zero()) == doctest::Approx(2 * 2 + 4 * 4));
 }
+
+}  // namespace tests::model_range_set

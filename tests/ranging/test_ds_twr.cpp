@@ -9,6 +9,8 @@
 #include "../support/statistics.hpp"
 #include "exchange.hpp"
 
+namespace tests::ranging_ds_twr {
+
 namespace {
 
 using namespace uwbpos;
@@ -309,3 +311,5 @@ TEST_CASE_TEMPLATE("One frame of another exchange spoils the range visibly", S, 
 }
 
 }  // namespace
+
+}  // namespace tests::ranging_ds_twr

@@ -27,6 +27,8 @@
 #include "../support/data.hpp"
 #include "../support/statistics.hpp"
 
+namespace tests::ranging_hanyang {
+
 namespace {
 
 using namespace uwbpos;
@@ -277,3 +279,5 @@ TEST_CASE("Recorded exchanges: the uncorrected error follows (000-11) with the t
 }
 
 }  // namespace
+
+}  // namespace tests::ranging_hanyang

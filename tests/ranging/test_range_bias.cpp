@@ -7,6 +7,8 @@
 
 #include <uwbpos/ranging/range_bias.hpp>
 
+namespace tests::ranging_range_bias {
+
 namespace {
 
 using namespace uwbpos;
@@ -98,3 +100,5 @@ TEST_CASE_TEMPLATE("Steps and corrections too large for the scalar are refused",
 }
 
 }  // namespace
+
+}  // namespace tests::ranging_range_bias

@@ -9,6 +9,8 @@
 #include "../support/statistics.hpp"
 #include "exchange.hpp"
 
+namespace tests::ranging_ss_twr {
+
 namespace {
 
 using namespace uwbpos;
@@ -269,3 +271,5 @@ TEST_CASE_TEMPLATE("Every exchange stands alone", S, float, double) {
 }
 
 }  // namespace
+
+}  // namespace tests::ranging_ss_twr

@@ -18,6 +18,8 @@
 
 #include "../support/statistics.hpp"
 
+namespace tests::ranging_tdoa_downlink {
+
 namespace {
 
 using namespace uwbpos;
@@ -353,3 +355,5 @@ TEST_CASE_TEMPLATE("Any stamps are an answer or an error", S, float, double) {
 }
 
 }  // namespace
+
+}  // namespace tests::ranging_tdoa_downlink

@@ -17,6 +17,8 @@
 #include "../support/statistics.hpp"
 #include "../time/sync_bench.hpp"
 
+namespace tests::ranging_tdoa_uplink {
+
 namespace {
 
 using namespace uwbpos;
@@ -387,3 +389,5 @@ TEST_CASE_TEMPLATE("NaN, options outside their domain and blinks mixed up are re
 }
 
 }  // namespace
+
+}  // namespace tests::ranging_tdoa_uplink

@@ -6,6 +6,8 @@
 
 #include "exchange.hpp"
 
+namespace tests::ranging_twr_accuracy {
+
 namespace {
 
 using namespace uwbpos;
@@ -231,3 +233,5 @@ TEST_CASE("Ranging in plain float is off by millimetres to centimetres; this is 
 }
 
 }  // namespace
+
+}  // namespace tests::ranging_twr_accuracy

@@ -5,6 +5,8 @@
 
 #include "uwbpos/ranging/ultrasonic.hpp"
 
+namespace tests::ranging_ultrasonic {
+
 using namespace uwbpos;
 
 TEST_CASE_TEMPLATE("speed of sound: the paper's value, and back", S, float, double) {
@@ -72,3 +74,5 @@ TEST_CASE_TEMPLATE("ultrasonic length: what cannot be is refused by name", S, fl
   CHECK(ultrasonic_length<S>(3, {.circuit_delay = S(2e-6)}).error() == Error::NegativeTimeOfFlight);
   CHECK(ultrasonic_length<S>(0xffffffff).error() == Error::RangeBeyondMaximum);
 }
+
+}  // namespace tests::ranging_ultrasonic

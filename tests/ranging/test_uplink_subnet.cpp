@@ -14,6 +14,8 @@
 
 #include "../support/statistics.hpp"
 
+namespace tests::ranging_uplink_subnet {
+
 namespace {
 
 using namespace uwbpos;
@@ -249,3 +251,5 @@ TEST_CASE_TEMPLATE("Delays given to the sync frames are part of the flight", S, 
 }
 
 }  // namespace
+
+}  // namespace tests::ranging_uplink_subnet

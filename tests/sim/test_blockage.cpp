@@ -10,6 +10,8 @@
 #include "../support/random_geometry.hpp"
 #include "../support/statistics.hpp"
 
+namespace tests::sim_blockage {
+
 namespace {
 
 using namespace uwbpos::sim;
@@ -156,3 +158,5 @@ TEST_CASE("Turning and shifting the plan does not change which walls are crossed
 }
 
 }  // namespace
+
+}  // namespace tests::sim_blockage

@@ -10,6 +10,8 @@
 
 #include "../support/statistics.hpp"
 
+namespace tests::sim_device_clock {
+
 namespace {
 
 using namespace uwbpos::sim;
@@ -180,3 +182,5 @@ TEST_CASE("Stamps are rounded to the nearest tick and scatter with the noise ask
 }
 
 }  // namespace
+
+}  // namespace tests::sim_device_clock

@@ -13,6 +13,8 @@
 
 #include "../support/statistics.hpp"
 
+namespace tests::sim_downlink {
+
 namespace {
 
 using namespace uwbpos::sim;
@@ -189,3 +191,5 @@ TEST_CASE("Scenarios outside their domain are refused") {
 }
 
 }  // namespace
+
+}  // namespace tests::sim_downlink

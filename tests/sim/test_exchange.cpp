@@ -13,6 +13,8 @@
 #include "../support/random_geometry.hpp"
 #include "../support/statistics.hpp"
 
+namespace tests::sim_exchange {
+
 namespace {
 
 using namespace uwbpos::sim;
@@ -436,3 +438,5 @@ TEST_CASE("A device's clock goes on from exchange to exchange") {
 }
 
 }  // namespace
+
+}  // namespace tests::sim_exchange

@@ -6,6 +6,8 @@
 
 #include <uwbpos/sim/hall.hpp>
 
+namespace tests::sim_hall {
+
 namespace {
 
 using namespace uwbpos::sim;
@@ -98,3 +100,5 @@ TEST_CASE("A hall that cannot be is refused by name") {
 }
 
 }  // namespace
+
+}  // namespace tests::sim_hall

@@ -6,6 +6,8 @@
 #include <uwbpos/sim/instant.hpp>
 #include <uwbpos/sim/noise.hpp>
 
+namespace tests::sim_instant {
+
 namespace {
 
 using uwbpos::sim::Instant;
@@ -49,3 +51,5 @@ TEST_CASE("Going there and back again loses nothing that a radio could see") {
 }
 
 }  // namespace
+
+}  // namespace tests::sim_instant

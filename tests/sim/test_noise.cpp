@@ -9,6 +9,8 @@
 
 #include "../support/statistics.hpp"
 
+namespace tests::sim_noise {
+
 namespace {
 
 using uwbpos::sim::Random;
@@ -119,3 +121,5 @@ TEST_CASE("A chance comes true as often as it says") {
 }
 
 }  // namespace
+
+}  // namespace tests::sim_noise

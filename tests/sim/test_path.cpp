@@ -9,6 +9,8 @@
 
 #include "../support/random_geometry.hpp"
 
+namespace tests::sim_path {
+
 namespace {
 
 using namespace uwbpos::sim;
@@ -210,3 +212,5 @@ TEST_CASE("A tag on a lever arm moves as the rigid body does") {
 }
 
 }  // namespace
+
+}  // namespace tests::sim_path

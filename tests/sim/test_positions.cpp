@@ -13,6 +13,8 @@
 #include "../support/nees.hpp"
 #include "../support/statistics.hpp"
 
+namespace tests::sim_positions {
+
 // From simulated clocks to positions: what a user's program does, held to the truth.
 
 namespace {
@@ -87,3 +89,5 @@ TEST_CASE_TEMPLATE("Positions on the floor scatter as their covariances say, fro
 }
 
 }  // namespace
+
+}  // namespace tests::sim_positions

@@ -12,6 +12,8 @@
 
 #include "../support/statistics.hpp"
 
+namespace tests::sim_scenario {
+
 namespace {
 
 using namespace uwbpos::sim;
@@ -277,3 +279,5 @@ TEST_CASE("Every scenario that cannot run is refused by name") {
 TEST_CASE("A run fits on a small stack") { CHECK(sizeof(Simulation) < 32 * 1024); }
 
 }  // namespace
+
+}  // namespace tests::sim_scenario

@@ -8,6 +8,8 @@
 #include <uwbpos/sim/hall.hpp>
 #include <uwbpos/sim/site.hpp>
 
+namespace tests::sim_site {
+
 namespace {
 
 using namespace uwbpos::sim;
@@ -64,3 +66,5 @@ TEST_CASE("A site takes eight subnets, and only whole ones") {
 }
 
 }  // namespace
+
+}  // namespace tests::sim_site

@@ -24,6 +24,8 @@
 #include "../support/nees.hpp"
 #include "../support/statistics.hpp"
 
+namespace tests::sim_tdoa_positions {
+
 namespace {
 
 using namespace uwbpos;
@@ -289,3 +291,5 @@ TEST_CASE_TEMPLATE("A listening tag finds itself from pairs of packets", S, floa
 }
 
 }  // namespace
+
+}  // namespace tests::sim_tdoa_positions

@@ -15,6 +15,8 @@
 
 #include "../support/statistics.hpp"
 
+namespace tests::sim_uplink {
+
 namespace {
 
 using namespace uwbpos::sim;
@@ -292,3 +294,5 @@ TEST_CASE("Scenarios outside their domain are refused") {
 }
 
 }  // namespace
+
+}  // namespace tests::sim_uplink

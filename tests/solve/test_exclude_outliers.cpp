@@ -8,6 +8,8 @@
 #include "solve/difference_rooms.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::solve_exclude_outliers {
+
 using namespace uwbpos;
 
 TEST_CASE_TEMPLATE("exclusion: an outlier among eight ranges is found and left out", S, float,
@@ -109,3 +111,5 @@ TEST_CASE_TEMPLATE("exclusion: what cannot be is refused by name", S, float, dou
   ranges.resize(65, ranges[0]);
   CHECK(locate_excluding(ranges).error() == Error::TooManyMeasurements);
 }
+
+}  // namespace tests::solve_exclude_outliers

@@ -9,6 +9,8 @@
 
 #include "support/random_geometry.hpp"
 
+namespace tests::solve_fsri {
+
 using namespace uwbpos;
 
 namespace {
@@ -285,3 +287,5 @@ TEST_CASE_TEMPLATE("FSRI: what cannot be is refused by name", S, float, double) 
   CHECK(locate_conventional(bar<S>(), good, S(3)).error() == Error::NegativeRange);
   CHECK(locate_time_difference(receivers, good).error() == Error::NotFinite);
 }
+
+}  // namespace tests::solve_fsri

@@ -15,6 +15,8 @@
 #include "support/random_geometry.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::solve_fsri_simulation {
+
 using namespace uwbpos;
 
 namespace {
@@ -342,3 +344,5 @@ TEST_CASE("FSRI: the covariance predicts the errors of position and lag") {
   CHECK(test::mean_nees_interval(3, kTrials, 0.999).contains(nees / kTrials));
   CHECK(test::mean_nees_interval(2, kTrials, 0.999).contains(chi_squared / kTrials));
 }
+
+}  // namespace tests::solve_fsri_simulation

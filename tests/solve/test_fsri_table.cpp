@@ -5,6 +5,8 @@
 #include "uwbpos/sim/paper_table.hpp"
 #include "uwbpos/solve/fsri.hpp"
 
+namespace tests::solve_fsri_table {
+
 using namespace uwbpos;
 
 namespace {
@@ -65,3 +67,5 @@ TEST_CASE("FSRI: only the order of the lengths tells the table's third row") {
   CHECK(shot->repair == std::array{0, 0, -1});
   CHECK((shot->position - *options.prior).norm() < 0.001);
 }
+
+}  // namespace tests::solve_fsri_table

@@ -8,6 +8,8 @@
 
 #include "solve/solver_laws.hpp"
 
+namespace tests::solve_locate {
+
 using namespace uwbpos;
 
 namespace {
@@ -235,3 +237,5 @@ TEST_CASE_TEMPLATE("locate: nonsense is answered by a finite fix or a name", S, 
   CHECK(solved > 300);
   CHECK(refused > 1000);
 }
+
+}  // namespace tests::solve_locate

@@ -11,6 +11,8 @@
 #include "solve/rooms.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::solve_locate_efficiency {
+
 using namespace uwbpos;
 
 namespace {
@@ -85,3 +87,5 @@ TEST_CASE("locate reaches the bound from wall to wall: 8 anchors in space") {
                  {0, 8, 3}},
                 {0.5, 1, 1.5, 2, 2.5}, 2000, 1.02, 1.15);
 }
+
+}  // namespace tests::solve_locate_efficiency

@@ -8,6 +8,8 @@
 
 #include "solve/rooms.hpp"
 
+namespace tests::solve_locate_geometries {
+
 using namespace uwbpos;
 
 namespace {
@@ -111,3 +113,5 @@ TEST_CASE("no wrong answer in 100,000 rooms, float") {
   check_rooms<float, 3>("space, 4 to 8 anchors", 4, 8, false);
   check_rooms<float, 3>("ceiling, 3 to 8 anchors", 3, 8, true);
 }
+
+}  // namespace tests::solve_locate_geometries

@@ -3,6 +3,8 @@
 
 #include "uwbpos/solve/mirror_choice.hpp"
 
+namespace tests::solve_mirror_choice {
+
 using namespace uwbpos;
 
 TEST_CASE_TEMPLATE("odds decide when the better image is believable", S, float, double) {
@@ -31,3 +33,5 @@ TEST_CASE_TEMPLATE("the side decides before the prior, the prior when the side i
   CHECK(choose_by_knowledge(up, down, Options{{0, 0}, up}) == MirrorChoice::First);
   CHECK(choose_by_knowledge(up, down, Options{{0, 0}, Vec<S, 2>{7, 0}}) == MirrorChoice::Unknown);
 }
+
+}  // namespace tests::solve_mirror_choice

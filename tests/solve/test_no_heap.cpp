@@ -44,6 +44,8 @@ void operator delete[](void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }
 
+namespace tests::solve_no_heap {
+
 using namespace uwbpos;
 
 TEST_CASE_TEMPLATE("no solver and no bound touches the heap", S, float, double) {
@@ -140,3 +142,5 @@ TEST_CASE("no tracker touches the heap, however its measurements come") {
   CHECK(used > 400);
   CHECK(allocations == before);
 }
+
+}  // namespace tests::solve_no_heap

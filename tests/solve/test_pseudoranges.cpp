@@ -10,6 +10,8 @@
 #include "solve/solver_laws.hpp"
 #include "support/numeric_jacobian.hpp"
 
+namespace tests::solve_pseudoranges {
+
 using namespace uwbpos;
 
 TEST_CASE_TEMPLATE("pseudoranges: position and bias are found, whatever the bias", S, float,
@@ -100,3 +102,5 @@ TEST_CASE_TEMPLATE("pseudoranges: what cannot be is refused by name", S, float, 
   for (auto& r : changed) r.anchor = ranges[0].anchor;
   CHECK(locate_with_bias(changed).error() == Error::DegenerateGeometry);
 }
+
+}  // namespace tests::solve_pseudoranges

@@ -11,6 +11,8 @@
 #include "solve/difference_rooms.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::solve_tdoa_chan {
+
 using namespace uwbpos;
 
 namespace {
@@ -105,3 +107,5 @@ TEST_CASE_TEMPLATE("Chan: what it cannot solve is refused by name", S, float, do
   const auto flat = test::differences_between<S, 2>({4, 3}, row);
   CHECK_FALSE(tdoa_chan(flat.reference, flat.differences, S(0.1)));
 }
+
+}  // namespace tests::solve_tdoa_chan

@@ -11,6 +11,8 @@
 #include "solve/difference_rooms.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::solve_tdoa_efficiency {
+
 using namespace uwbpos;
 
 namespace {
@@ -95,3 +97,5 @@ TEST_CASE("TDOA reaches the bound from wall to wall: 8 anchors in space") {
                  {0, 8, 3}},
                 {0.5, 1, 1.5, 2, 2.5}, 1000, 1.03, 1.2);
 }
+
+}  // namespace tests::solve_tdoa_efficiency

@@ -8,6 +8,8 @@
 
 #include "solve/difference_rooms.hpp"
 
+namespace tests::solve_tdoa_fang {
+
 using namespace uwbpos;
 
 namespace {
@@ -64,3 +66,5 @@ TEST_CASE_TEMPLATE("Fang: what it cannot solve is refused by name", S, float, do
   CHECK(error({{{5, 0}, 1}, {{5, 0}, 1}}) == Error::DegenerateGeometry);
   CHECK(error({{{0, 0}, 0}, {{0, 0}, 0}}) == Error::DegenerateGeometry);
 }
+
+}  // namespace tests::solve_tdoa_fang

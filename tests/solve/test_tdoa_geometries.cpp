@@ -5,6 +5,8 @@
 
 #include "solve/difference_rooms.hpp"
 
+namespace tests::solve_tdoa_geometries {
+
 using namespace uwbpos;
 
 namespace {
@@ -51,3 +53,5 @@ TEST_CASE("TDOA: no wrong answer in 100,000 rooms, float") {
   check_rooms<float, 2>("differences in the plane, 4 to 8 anchors", 4, 8);
   check_rooms<float, 3>("differences in space, 5 to 8 anchors", 5, 8);
 }
+
+}  // namespace tests::solve_tdoa_geometries

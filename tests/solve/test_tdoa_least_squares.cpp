@@ -13,6 +13,8 @@
 #include "solve/difference_rooms.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::solve_tdoa_least_squares {
+
 using namespace uwbpos;
 
 namespace {
@@ -172,3 +174,5 @@ TEST_CASE("Fang, Chan, least squares, Bancroft and pairs agree to a nanometre") 
     CHECK(std::min((fang->first - tag).norm(), (fang->second - tag).norm()) < 1e-9);
   }
 }
+
+}  // namespace tests::solve_tdoa_least_squares

@@ -9,6 +9,8 @@
 #include "solve/difference_rooms.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::solve_tdoa_pairs {
+
 using namespace uwbpos;
 
 namespace {
@@ -110,3 +112,5 @@ TEST_CASE_TEMPLATE("pairs: what cannot be is refused by name", S, float, double)
   options.prior = Vec<S, 3>{nan, 0, 0};
   CHECK(locate(exact, options).error() == Error::NotFinite);
 }
+
+}  // namespace tests::solve_tdoa_pairs

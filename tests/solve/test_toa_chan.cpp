@@ -7,6 +7,8 @@
 
 #include "solve/solver_laws.hpp"
 
+namespace tests::solve_toa_chan {
+
 using namespace uwbpos;
 
 namespace {
@@ -78,3 +80,5 @@ TEST_CASE_TEMPLATE("Chan: what it cannot solve is refused by name", S, float, do
   const auto ceiling = test::random_room<S, 3>(random, 6, 6, true);
   CHECK(toa_chan(ceiling.ranges).error() == Error::DegenerateGeometry);
 }
+
+}  // namespace tests::solve_toa_chan

@@ -8,6 +8,8 @@
 
 #include "solve/solver_laws.hpp"
 
+namespace tests::solve_toa_closed_form {
+
 using namespace uwbpos;
 
 namespace {
@@ -119,3 +121,5 @@ TEST_CASE_TEMPLATE("on the axes: (000-16) is exact and agrees with the general f
   const S huge = std::numeric_limits<S>::max();
   CHECK(toa_on_axes(huge, S(1), huge, S(1e-3), S(1)).error() == Error::NumericOverflow);
 }
+
+}  // namespace tests::solve_toa_closed_form

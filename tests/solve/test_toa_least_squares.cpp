@@ -5,6 +5,8 @@
 
 #include "solve/solver_laws.hpp"
 
+namespace tests::solve_toa_least_squares {
+
 using namespace uwbpos;
 
 namespace {
@@ -103,3 +105,5 @@ TEST_CASE_TEMPLATE("least squares: a start on an anchor or in a row is no end", 
     CHECK((fix->position - Vec<S, 2>{4, 3}).norm() < S(1e-4));
   }
 }
+
+}  // namespace tests::solve_toa_least_squares

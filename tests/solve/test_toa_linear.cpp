@@ -5,6 +5,8 @@
 
 #include "solve/solver_laws.hpp"
 
+namespace tests::solve_toa_linear {
+
 using namespace uwbpos;
 
 namespace {
@@ -63,3 +65,5 @@ TEST_CASE_TEMPLATE("linear: what it cannot solve is refused by name", S, float, 
   const std::vector<Vec<S, 2>> row{{0, 0}, {1, 1}, {2, 2}, {3, 3}};
   CHECK(toa_linear(test::ranges_between<S, 2>({2, 5}, row)).error() == Error::DegenerateGeometry);
 }
+
+}  // namespace tests::solve_toa_linear

@@ -16,6 +16,8 @@
 #include "random_geometry.hpp"
 #include "statistics.hpp"
 
+namespace tests::support_support {
+
 // What judges the library is judged first.
 
 namespace {
@@ -149,3 +151,5 @@ TEST_CASE("UWBPOS_DATA names the folder of recordings, and one that is not there
 }
 
 }  // namespace
+
+}  // namespace tests::support_support

@@ -6,6 +6,8 @@
 #include <uwbpos/sim/noise.hpp>
 #include <uwbpos/time/clock.hpp>
 
+namespace tests::time_clock {
+
 namespace {
 
 using namespace uwbpos;
@@ -43,3 +45,5 @@ TEST_CASE_TEMPLATE("The relative rate is what one clock counts in the other's ti
 }
 
 }  // namespace
+
+}  // namespace tests::time_clock

@@ -13,6 +13,8 @@
 #include "../support/statistics.hpp"
 #include "sync_bench.hpp"
 
+namespace tests::time_clock_sync {
+
 namespace {
 
 using namespace uwbpos;
@@ -573,3 +575,5 @@ TEST_CASE_TEMPLATE("Reset forgets all but the options", S, float, double) {
 }
 
 }  // namespace
+
+}  // namespace tests::time_clock_sync

@@ -6,6 +6,8 @@
 #include <uwbpos/sim/noise.hpp>
 #include <uwbpos/time/device_time.hpp>
 
+namespace tests::time_device_time {
+
 namespace {
 
 using uwbpos::DeviceTime;
@@ -51,3 +53,5 @@ TEST_CASE("Bits above the counter's are dropped") {
 }
 
 }  // namespace
+
+}  // namespace tests::time_device_time

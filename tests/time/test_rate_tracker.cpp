@@ -12,6 +12,8 @@
 
 #include "../support/statistics.hpp"
 
+namespace tests::time_rate_tracker {
+
 namespace {
 
 using namespace uwbpos;
@@ -432,3 +434,5 @@ TEST_CASE("A slip of the host's that no gap preceded does not fool a rate that i
 }
 
 }  // namespace
+
+}  // namespace tests::time_rate_tracker

@@ -6,6 +6,8 @@
 #include <uwbpos/sim/noise.hpp>
 #include <uwbpos/time/unwrap.hpp>
 
+namespace tests::time_unwrap {
+
 namespace {
 
 using namespace uwbpos;
@@ -48,3 +50,5 @@ TEST_CASE("An interval is positive, even when the host saw next to none") {
 }
 
 }  // namespace
+
+}  // namespace tests::time_unwrap
