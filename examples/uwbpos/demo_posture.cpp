@@ -15,36 +15,34 @@
 #include "failure.hpp"
 #include "gnuplot.hpp"
 #include "output.hpp"
+#include "trajectory.hpp"
 
 namespace uwbpos::host {
 namespace {
 
-using Vec2 = Vec<double, 2>;
-
-constexpr double kBaseline = 0.6;  // [m]
-constexpr double kStep = 0.2;      // [s]
-constexpr double kSpeed = 0.5;     // [m/s]
+constexpr double kDriveBaseline = 0.6;  // [m]
+constexpr double kDriveStep = 0.2;      // [s]
+constexpr double kDriveSpeed = 0.5;     // [m/s]
 // An error of radius uniform in [0, 2] cm has 1.15 cm rms; at (4, 4) m three ranges of this sigma
 // give as much, √1.5 times their own.
-constexpr double kRangeSigmaDrive = 0.02 / (std::numbers::sqrt3 * 1.2247448714);
+constexpr double kDriveSigma = 0.02 / (std::numbers::sqrt3 * 1.2247448714);
 
-Vec2 start() { return {4, 4}; }
-Vec2 goal() { return {8, 8}; }
+Vec2 drive_start() { return {4, 4}; }
+Vec2 drive_goal() { return {8, 8}; }
 
-Fix<double, 2> tag(const Vec2& centre, double heading, double side, double baseline) {
+Fix<double, 2> tag_at(const Vec2& centre, double heading, double side, double baseline) {
   return {centre + side * baseline / 2 * Vec2{-std::sin(heading), std::cos(heading)},
           Mat<double, 2>::Zero(), 0, 0};
 }
 
-std::vector<TagRange<double, 2>> measure(const Pose2<double>& robot, sim::Random& random) {
+std::vector<TagRange<double, 2>> measure_drive(const Pose2<double>& robot, sim::Random& random) {
   std::vector<TagRange<double, 2>> ranges;
   const Turn<double> turn = turn_of(robot.heading);
   for (const double side : {1.0, -1.0}) {
     for (const Vec2& station : {Vec2{0, 0}, Vec2{0, 8}, Vec2{8, 0}}) {
-      const Vec2 arm{0, side * kBaseline / 2};
+      const Vec2 arm{0, side * kDriveBaseline / 2};
       const auto exact = predict_tag_range<double, 2>(robot.position, turn, arm, station);
-      ranges.push_back(
-          {arm, station, exact.range + random.normal(0, kRangeSigmaDrive), kRangeSigmaDrive});
+      ranges.push_back({arm, station, exact.range + random.normal(0, kDriveSigma), kDriveSigma});
     }
   }
   return ranges;
@@ -63,8 +61,8 @@ HeadingErrors paper_heading_errors(double radius, double baseline) {
   sim::Random random{"paper 002"};
   HeadingErrors errors{0, 0};
   for (int i = 0; i < draws; ++i) {
-    Fix<double, 2> tags[2] = {tag(start(), heading, 1, baseline),
-                              tag(start(), heading, -1, baseline)};
+    Fix<double, 2> tags[2] = {tag_at(drive_start(), heading, 1, baseline),
+                              tag_at(drive_start(), heading, -1, baseline)};
     for (Fix<double, 2>& t : tags) {
       const double off = random.uniform(0, radius);
       const double angle = random.uniform(0, 2 * std::numbers::pi);
@@ -86,17 +84,17 @@ std::vector<DriveStep> paper_drive(std::uint64_t seed) {
   constexpr double most_turn = 0.3;  // [rad] in one step
   constexpr int most_steps = 1000;
   sim::Random random{seed, "drive"};
-  Pose2<double> robot{start(), std::numbers::pi / 4, Mat<double, 3>::Zero()};
+  Pose2<double> robot{drive_start(), std::numbers::pi / 4, Mat<double, 3>::Zero()};
   std::vector<DriveStep> drive;
   for (int i = 0; i < most_steps; ++i) {
-    const auto pose = pose_from_ranges(measure(robot, random));
+    const auto pose = pose_from_ranges(measure_drive(robot, random));
     if (!pose) throw Failure{fmt::format("demo: {}", describe(pose.error()))};
-    const auto seen = bearing_to(*pose, goal());
+    const auto seen = bearing_to(*pose, drive_goal());
     if (!seen) break;
-    drive.push_back({i * kStep, robot, *pose, *seen});
+    drive.push_back({i * kDriveStep, robot, *pose, *seen});
     if (seen->distance < arrived) break;
     const double turn = std::clamp(seen->bearing, -most_turn, most_turn);
-    const double way = std::min(kSpeed * kStep, seen->distance);
+    const double way = std::min(kDriveSpeed * kDriveStep, seen->distance);
     robot.heading = wrap_angle(robot.heading + turn);
     robot.position += way * Vec2{std::cos(robot.heading), std::sin(robot.heading)};
   }
@@ -104,8 +102,8 @@ std::vector<DriveStep> paper_drive(std::uint64_t seed) {
 }
 
 double off_line(const Vec2& position) {
-  const Vec2 along = goal() - start();
-  const Vec2 from = position - start();
+  const Vec2 along = drive_goal() - drive_start();
+  const Vec2 from = position - drive_start();
   return (along.x() * from.y() - along.y() * from.x()) / along.norm();
 }
 
@@ -160,7 +158,7 @@ void show_posture(const std::filesystem::path& out) {
       "   error given. 10,000 draws.\n\n  {:<22}{:>8}{:>11}{:>11}   {}\n",
       "heading error", "", "MAE", "RMSE", "paper: MAE, RMSE");
   for (const double radius : {0.08, 0.06, 0.04, 0.02}) {
-    print_errors("tags 60 cm apart, off", radius, paper_heading_errors(radius, kBaseline),
+    print_errors("tags 60 cm apart, off", radius, paper_heading_errors(radius, kDriveBaseline),
                  radius < 0.03 ? "0.951°, 1.169°" : "");
   }
   for (const double baseline : {0.5, 0.6, 0.7, 0.8}) {
@@ -174,7 +172,7 @@ void show_posture(const std::filesystem::path& out) {
       "   ranges of both tags give (ranges of {:.1f} mm noise: positions as uncertain as by 2 "
       "cm):\n\n"
       "  {:>8}{:>9}{:>9}{:>11}{:>15}{:>11}{:>11}\n",
-      1000 * kRangeSigmaDrive, "time [s]", "x [m]", "y [m]", "heading", "heading error", "distance",
+      1000 * kDriveSigma, "time [s]", "x [m]", "y [m]", "heading", "heading error", "distance",
       "bearing");
   std::string csv =
       "t_s,x_m,y_m,heading_deg,true_x_m,true_y_m,true_heading_deg,distance_m,"

@@ -165,7 +165,7 @@ Replay drawn(const Replay& replay) {
   view.body = replay.body;
   view.all = outcome_of(*replay.body);
   view.of_tag = {{0, view.all}};
-  for (const BodyPose& p : replay.body->track) {
+  for (const SolvedPose& p : replay.body->track) {
     view.track.push_back({p.t, 0, p.pose.position, p.chi_squared, p.degrees_of_freedom, p.readings,
                           p.chosen_by_prior, std::nullopt});
     if (p.truth) view.track.back().truth = p.truth->position;
@@ -176,7 +176,7 @@ Replay drawn(const Replay& replay) {
 Figure heading_figure(const Body& body) {
   Course course{"heading", {}};
   std::vector<double> sizes;
-  for (const BodyPose& p : body.track) {
+  for (const SolvedPose& p : body.track) {
     if (!p.truth) continue;
     const double error =
         radians_to_degrees(angle_difference(p.pose.heading, heading_of(p.truth->rotation)));

@@ -16,8 +16,6 @@
 namespace uwbpos::host {
 namespace {
 
-constexpr std::size_t kProgressStep = 256;
-
 // The body's readings as those of one tag whose anchors are the links, so that they are grouped by
 // the same rule as any tag's.
 std::vector<Reading> as_links(const Site& site, const std::vector<Reading>& readings,
@@ -136,10 +134,10 @@ class PoseSolver {
   std::optional<Vec<double, D>> last_;
 };
 
-void score(const Site& site, int dim, Body& body) {
+void score_body(const Site& site, int dim, Body& body) {
   std::vector<Vec3> errors;
   std::vector<Vec3> turns;  // along x, so that the summary is that of lengths
-  for (BodyPose& p : body.track) {
+  for (SolvedPose& p : body.track) {
     if (site.truth.empty()) break;
     p.truth = site.truth.at(p.t);
     if (!p.truth) {
@@ -155,7 +153,7 @@ void score(const Site& site, int dim, Body& body) {
   body.heading_error = summarize_errors(turns, 2);
 }
 
-Pose2<double> exact(const StampedPose& pose) {
+Pose2<double> exact_pose(const StampedPose& pose) {
   return {pose.position.head<2>(), heading_of(pose.rotation), Mat<double, 3>::Zero()};
 }
 
@@ -202,17 +200,16 @@ Body solve_poses(const Settings& settings, const Site& site, int dim,
   } else {
     solve_all(PoseSolver<3>{settings, site, dim, links, body});
   }
-  std::ranges::stable_sort(body.track, {}, &BodyPose::t);
-  score(site, dim, body);
+  std::ranges::stable_sort(body.track, {}, &SolvedPose::t);
+  score_body(site, dim, body);
   return body;
 }
 
 std::vector<BodyTwist> twists_of(const Body& body, double span) {
-  constexpr double rounding = 1e-6;  // of times printed in decimal [s]
   std::vector<BodyTwist> twists;
   auto second = body.track.begin();
-  for (const BodyPose& first : body.track) {
-    while (second != body.track.end() && second->t - first.t < span - rounding) ++second;
+  for (const SolvedPose& first : body.track) {
+    while (second != body.track.end() && second->t - first.t < span - kTimeRounding) ++second;
     if (second == body.track.end()) break;
     const double dt = second->t - first.t;
     if (dt > 2 * span) continue;
@@ -220,7 +217,7 @@ std::vector<BodyTwist> twists_of(const Body& body, double span) {
     if (!twist) continue;
     twists.push_back({first.t + dt / 2, *twist, std::nullopt});
     if (!first.truth || !second->truth) continue;
-    const auto truth = twist_between(exact(*first.truth), exact(*second->truth), dt);
+    const auto truth = twist_between(exact_pose(*first.truth), exact_pose(*second->truth), dt);
     if (truth) twists.back().truth = *truth;
   }
   return twists;
@@ -239,7 +236,7 @@ TwistErrors summarize_twists(const std::vector<BodyTwist>& twists) {
 
 std::vector<SeenTarget> targets_seen(const Body& body, const Vec<double, 2>& target) {
   std::vector<SeenTarget> seen;
-  for (const BodyPose& p : body.track) {
+  for (const SolvedPose& p : body.track) {
     if (const auto at = bearing_to(in_plan(p.pose), target)) seen.push_back({p.t, *at});
   }
   return seen;
@@ -247,7 +244,7 @@ std::vector<SeenTarget> targets_seen(const Body& body, const Vec<double, 2>& tar
 
 std::string poses_tum(const Body& body) {
   std::string text = "# t_s x_m y_m z_m qx qy qz qw\n";
-  for (const BodyPose& p : body.track) {
+  for (const SolvedPose& p : body.track) {
     const Vec3& at = p.pose.position;
     fmt::format_to(std::back_inserter(text), "{:.6f} {:.6f} {:.6f} {:.6f} 0 0 {:.8f} {:.8f}\n", p.t,
                    at.x(), at.y(), at.z(), std::sin(p.pose.heading / 2),

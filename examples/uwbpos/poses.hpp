@@ -23,7 +23,7 @@ struct Outcome;
 struct Site;
 
 /// One solved epoch of the body.
-struct BodyPose {
+struct SolvedPose {
   double t;                ///< [s]
   LevelPose<double> pose;  ///< of the lever arms' origin; z is given, or 0, in 2-D
   double chi_squared;
@@ -56,7 +56,7 @@ struct TwistErrors {
 /// What was made of the body.
 struct Body {
   EpochRule rule{};
-  std::vector<BodyPose> track;  ///< by time
+  std::vector<SolvedPose> track;  ///< by time
   std::size_t epochs = 0;
   std::size_t scored = 0;
   std::size_t chosen_by_prior = 0;

@@ -10,6 +10,7 @@
 #include "uwbpos/core/angle.hpp"
 #include "uwbpos/core/chi_squared.hpp"
 #include "uwbpos/core/constants.hpp"
+#include "uwbpos/core/covariance.hpp"
 #include "uwbpos/core/eigen.hpp"
 #include "uwbpos/core/eigen_svd.hpp"
 #include "uwbpos/core/linalg.hpp"

@@ -18,6 +18,8 @@
 #include "host/files.hpp"
 #include "support/data.hpp"
 
+namespace tests::host_poses {
+
 namespace {
 
 using namespace uwbpos;
@@ -242,3 +244,5 @@ TEST_CASE("The paper's tables and its drive") {
 }
 
 }  // namespace
+
+}  // namespace tests::host_poses

@@ -10,6 +10,8 @@
 #include "support/numeric_jacobian.hpp"
 #include "support/random_geometry.hpp"
 
+namespace tests::model_tag_range {
+
 using namespace uwbpos;
 
 namespace {
@@ -96,3 +98,5 @@ TEST_CASE_TEMPLATE("a bound that does not exist is refused by name", S, float, d
   bad[1].lever_arm[0] = nan;
   CHECK(error(bad) == Error::NotFinite);
 }
+
+}  // namespace tests::model_tag_range

@@ -9,6 +9,8 @@
 
 #include "support/numeric_jacobian.hpp"
 
+namespace tests::pose_target {
+
 using namespace uwbpos;
 
 namespace {
@@ -88,3 +90,5 @@ TEST_CASE_TEMPLATE("a target on the robot, and what is no pose, are refused by n
   bad.covariance(0, 0) = S(-1);
   CHECK(bearing_to(bad, Vec<S, 2>{3, 2}).error() == Error::InvalidCovariance);
 }
+
+}  // namespace tests::pose_target

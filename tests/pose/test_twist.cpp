@@ -11,6 +11,8 @@
 #include "support/nees.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::pose_twist {
+
 using namespace uwbpos;
 
 namespace {
@@ -123,3 +125,5 @@ TEST_CASE_TEMPLATE("no time, time backwards, and what is no pose are refused by 
   bad.covariance(2, 2) = S(-1);
   CHECK(twist_between(a, bad, S(1)).error() == Error::InvalidCovariance);
 }
+
+}  // namespace tests::pose_twist

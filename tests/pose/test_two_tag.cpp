@@ -11,6 +11,8 @@
 #include "support/random_geometry.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::pose_two_tag {
+
 using namespace uwbpos;
 
 namespace {
@@ -210,3 +212,5 @@ TEST_CASE("the paper's case: MAE and RMSE of heading, and how they go with error
     last = errors.mae;
   }
 }
+
+}  // namespace tests::pose_two_tag

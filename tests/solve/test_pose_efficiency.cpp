@@ -14,6 +14,8 @@
 #include "support/nees.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::solve_pose_efficiency {
+
 using namespace uwbpos;
 
 namespace {
@@ -148,3 +150,5 @@ TEST_CASE("poses reach the bound over a hall and all headings: 8 anchors") {
   check_hall("pose, 8 anchors", {{0, 0}, {5, 0}, {10, 0}, {10, 4}, {10, 8}, {5, 8}, {0, 8}, {0, 4}},
              60);
 }
+
+}  // namespace tests::solve_pose_efficiency

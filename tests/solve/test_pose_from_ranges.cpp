@@ -12,6 +12,8 @@
 #include "support/nees.hpp"
 #include "support/statistics.hpp"
 
+namespace tests::solve_pose_from_ranges {
+
 using namespace uwbpos;
 
 namespace {
@@ -291,3 +293,5 @@ TEST_CASE_TEMPLATE("what gives no pose is refused by name", S, float, double) {
   CHECK(error({{{0, 3}, {0, 0}, 1}, {{0, -3}, {20, 0}, 1}, {{0, 3}, {20, 8}, 1}}) ==
         Error::InconsistentRanges);
 }
+
+}  // namespace tests::solve_pose_from_ranges

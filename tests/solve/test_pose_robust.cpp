@@ -9,6 +9,8 @@
 #include "pose/scenes.hpp"
 #include "support/nees.hpp"
 
+namespace tests::solve_pose_robust {
+
 using namespace uwbpos;
 
 namespace {
@@ -95,3 +97,5 @@ TEST_CASE_TEMPLATE("losses: their weights and curvatures are their derivatives",
   CHECK(loss_term<S>({Loss::Huber, S(2)}, S(1.9)).weight == S(1));
   CHECK(loss_term<S>({Loss::Huber, S(2)}, S(4)).weight == S(0.5));
 }
+
+}  // namespace tests::solve_pose_robust

@@ -2,40 +2,17 @@
 #pragma once
 
 /// @file
-/// The range from a tag on the arm l of a level body at p with heading ψ, written once for solver,
-/// bound and filter. With R(ψ) the turn about z, r = R(ψ) l and r' = ∂r/∂ψ, r turned by +90° in
-/// plan,
+/// The range from a tag on the arm l of a level body at p with heading ψ, for solver and bound:
+/// model/range.hpp through the chain rule of model/lever_arm.hpp. With r = R(ψ) l and r' = ∂r/∂ψ,
+/// r turned by +90° in plan,
 /// \f[ h(p, \psi) = \lVert p + r - a \rVert, \qquad
 ///     \frac{\partial h}{\partial p} = g^T = \frac{(p + r - a)^T}{h}, \qquad
 ///     \frac{\partial h}{\partial \psi} = g^T r'. \f]
 
-#include <cmath>
-
+#include "uwbpos/model/lever_arm.hpp"
 #include "uwbpos/model/range.hpp"
 
 namespace uwbpos {
-
-/// A heading as what turns vectors.
-template <class S>
-struct Turn {
-  S cosine;  ///< of the heading
-  S sine;    ///< of the heading
-};
-
-/// The turn by `heading` [rad]. A sine and a cosine, whose last bits differ by C library.
-template <class S>
-[[nodiscard]] Turn<S> turn_of(S heading) {
-  return {std::cos(heading), std::sin(heading)};
-}
-
-/// The body's vector `v` in axes of the map. O(1), no allocation.
-template <class S, int D>
-[[nodiscard]] Vec<S, D> turned(const Turn<S>& turn, const Vec<S, D>& v) {
-  Vec<S, D> result = v;  // z stays
-  result[0] = turn.cosine * v[0] - turn.sine * v[1];
-  result[1] = turn.sine * v[0] + turn.cosine * v[1];
-  return result;
-}
 
 /// A predicted range, its gradient, and the arm it was seen along.
 template <class S, int D>
@@ -59,8 +36,7 @@ template <class S, int D>
       predict_range<S, D>(Vec<S, D>{position + prediction.arm}, anchor);
   prediction.range = range.range;
   prediction.gradient = range.gradient;
-  prediction.heading_gradient =
-      prediction.arm[0] * range.gradient[1] - prediction.arm[1] * range.gradient[0];
+  prediction.heading_gradient = heading_gradient(prediction.arm, range.gradient);
   return prediction;
 }
 
