@@ -50,7 +50,7 @@ template <class S>
 
   Target<S> seen;
   seen.distance = distance;
-  seen.bearing = wrap_angle(std::atan2(offset[1], offset[0]) - pose.heading);
+  seen.bearing = wrap_angle(direction_of(offset[0], offset[1]) - pose.heading);
   seen.ahead = std::abs(seen.bearing) <= std::numbers::pi_v<S> / 2;
   const Vec<S, 3> along{-offset[0] / distance, -offset[1] / distance, S(0)};
   const Vec<S, 3> aside{-along[1] / distance, along[0] / distance, S(-1)};

@@ -18,7 +18,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <type_traits>
 
 #include "uwbpos/core/angle.hpp"
@@ -31,17 +30,22 @@ inline constexpr int kBaselineSigmas = 5;
 
 namespace detail {
 
+/// What is wrong with the input, or else `otherwise`.
 template <class S>
-std::optional<Error> check_tag(const Fix<S, 2>& tag) {
-  if (!all_finite(tag.position) || !all_finite(tag.covariance)) return Error::NotFinite;
-  if (!looks_like_covariance<S, 2>(tag.covariance)) return Error::InvalidCovariance;
-  return std::nullopt;
+Error two_tag_error(const Fix<S, 2>& left, const Fix<S, 2>& right, S baseline, Error otherwise) {
+  if (!std::isfinite(baseline)) return Error::NotFinite;
+  if (!(baseline > S(0))) return Error::InvalidOption;
+  for (const Fix<S, 2>* tag : {&left, &right}) {
+    if (!all_finite(tag->position) || !all_finite(tag->covariance)) return Error::NotFinite;
+    if (!looks_like_covariance<S, 2>(tag->covariance)) return Error::InvalidCovariance;
+  }
+  return otherwise;
 }
 
-/// vᵀ C w, summed in order.
+/// vᵀ C v of a symmetric C, of which the lower triangle is read.
 template <class S>
-S weighted_product(const Vec<S, 2>& v, const Mat<S, 2>& c, const Vec<S, 2>& w) {
-  return v[0] * (c(0, 0) * w[0] + c(0, 1) * w[1]) + v[1] * (c(1, 0) * w[0] + c(1, 1) * w[1]);
+S variance_along(const Vec<S, 2>& v, const Mat<S, 2>& c) {
+  return v[0] * (v[0] * c(0, 0) + S(2) * v[1] * c(1, 0)) + v[1] * v[1] * c(1, 1);
 }
 
 }  // namespace detail
@@ -58,40 +62,49 @@ S weighted_product(const Vec<S, 2>& v, const Mat<S, 2>& c, const Vec<S, 2>& w) {
 template <class S>
 [[nodiscard]] Result<Pose2<S>> two_tag_pose(const Fix<S, 2>& left, const Fix<S, 2>& right,
                                             std::type_identity_t<S> baseline) {
-  if (!std::isfinite(baseline)) return std::unexpected(Error::NotFinite);
-  if (!(baseline > S(0))) return std::unexpected(Error::InvalidOption);
-  if (const auto error = detail::check_tag(left)) return std::unexpected(*error);
-  if (const auto error = detail::check_tag(right)) return std::unexpected(*error);
-
+  // What is not finite fails a comparison here or leaves a variance that is not.
+  const auto refuse = [&](Error error) {
+    return std::unexpected(detail::two_tag_error<S>(left, right, baseline, error));
+  };
+  if (!(baseline > S(0))) return refuse(Error::InvalidOption);
+  if (!looks_like_covariance<S, 2>(left.covariance) ||
+      !looks_like_covariance<S, 2>(right.covariance)) {
+    return refuse(Error::InvalidCovariance);
+  }
   const Vec<S, 2> across = right.position - left.position;
   const S length = norm(across);
-  if (!std::isfinite(length)) return std::unexpected(Error::NumericOverflow);
-  const S largest = std::max(norm(left.position), norm(right.position));
+  const S largest = std::sqrt(std::max(squared_norm(left.position), squared_norm(right.position)));
   const S rounding = S(4) * std::numeric_limits<S>::epsilon() * largest;
-  if (!(length > rounding)) return std::unexpected(Error::HeadingUndetermined);
+  if (!std::isfinite(largest)) return refuse(Error::NumericOverflow);
+  if (!(length > rounding)) return refuse(Error::HeadingUndetermined);
 
   const Mat<S, 2> sum = left.covariance + right.covariance;
-  const Mat<S, 2> difference = right.covariance - left.covariance;
   const Vec<S, 2> n = across / length;
   const Vec<S, 2> t{-n[1], n[0]};
-  const S along = std::max(detail::weighted_product(n, sum, n), S(0));
-  const S aside = std::max(detail::weighted_product(t, sum, t), S(0));
+  const S along = std::max(detail::variance_along(n, sum), S(0));
+  const S aside = std::max(detail::variance_along(t, sum), S(0));
   // |d n + e| = d + n·e + (t·e)²/2d + …
   constexpr S k = S(kBaselineSigmas);
-  const S allowed = k * std::sqrt(along) + k * k * aside / (2 * baseline) + rounding;
-  if (!(std::abs(length - baseline) <= allowed)) return std::unexpected(Error::BaselineMismatch);
+  const S half = S(0.5) / baseline;
+  const S allowed = k * std::sqrt(along) + k * k * aside * half + rounding;
+  if (!(std::abs(length - baseline) <= allowed)) return refuse(Error::BaselineMismatch);
 
   Pose2<S> pose;
-  pose.position = left.position + S(0.5) * across;                 // (1)
-  pose.heading = wrap_angle(std::atan2(across[0], -across[1]));    // (2)
-  pose.covariance.template topLeftCorner<2, 2>() = S(0.25) * sum;  // (3)
-  for (int i = 0; i < 2; ++i) {
-    const S cross = (difference(i, 0) * t[0] + difference(i, 1) * t[1]) / (2 * baseline);
-    pose.covariance(i, 2) = pose.covariance(2, i) = cross;
-  }
-  pose.covariance(2, 2) = aside / (baseline * baseline);
-  if (!all_finite(pose.covariance)) return std::unexpected(Error::NumericOverflow);
-  pose.covariance = without_rounding<S, 3>(pose.covariance);
+  pose.position = left.position + S(0.5) * across;     // (1)
+  pose.heading = direction_of(-across[1], across[0]);  // (2)
+  const Mat<S, 2>& l = left.covariance;
+  const Mat<S, 2>& r = right.covariance;
+  const S across_x = (r(0, 0) - l(0, 0)) * t[0] + (r(1, 0) - l(1, 0)) * t[1];  // (C_R − C_L) t
+  const S across_y = (r(1, 0) - l(1, 0)) * t[0] + (r(1, 1) - l(1, 1)) * t[1];
+  const S x = S(0.25) * sum(0, 0);
+  const S y = S(0.25) * sum(1, 1);
+  const S turn = aside / (baseline * baseline);
+  if (!std::isfinite(x + y + turn)) return refuse(Error::NumericOverflow);
+  const Vec<S, 3> sigma{std::sqrt(x), std::sqrt(y), std::sqrt(turn)};
+  const S xy = bounded(S(0.25) * sum(1, 0), sigma[0], sigma[1]);
+  const S x_turn = bounded(across_x * half, sigma[0], sigma[2]);
+  const S y_turn = bounded(across_y * half, sigma[1], sigma[2]);
+  pose.covariance << x, xy, x_turn, xy, y, y_turn, x_turn, y_turn, turn;  // (3)
   return pose;
 }
 
