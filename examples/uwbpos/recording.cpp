@@ -179,8 +179,8 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
   if (parts && parts->slow > parts->noise / 2) {
     said.push_back(fmt::format(
         "Headings are off by {:.1f}° rms that change from epoch to epoch, which is noise, and by "
-        "{:.1f}° that do not: biases of the links, which depend on the way the body looks. One "
-        "constant per link cannot take that away.",
+        "{:.1f}° that do not: biases of the links. What in them depends on the way the body looks, "
+        "one constant per link cannot take away.",
         radians_to_degrees(parts->noise), radians_to_degrees(parts->slow)));
   }
   if (replay.chosen_by_prior > 0) {
