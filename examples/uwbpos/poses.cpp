@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <iterator>
+#include <numbers>
 
 #include <fmt/format.h>
 
@@ -161,6 +162,22 @@ Pose2<double> exact_pose(const StampedPose& pose) {
 
 Outcome outcome_of(const Body& body) {
   return {body.epochs, body.track.size(), body.scored, body.rejected, body.error};
+}
+
+std::optional<HeadingParts> parts_of_heading_error(const Body& body) {
+  constexpr std::size_t fewest = 50;
+  if (body.scored < fewest) return std::nullopt;
+  std::vector<double> steps;
+  std::optional<double> last;
+  for (const SolvedPose& p : body.track) {
+    if (!p.truth) continue;
+    const double error = angle_difference(p.pose.heading, heading_of(p.truth->rotation));
+    if (last) steps.push_back(angle_difference(error, *last));
+    last = error;
+  }
+  const double noise = robust_spread(steps) / std::numbers::sqrt2;
+  const double rms = body.heading_error.rmse;
+  return HeadingParts{noise, std::sqrt(std::max(rms * rms - noise * noise, 0.0))};
 }
 
 double heading_of(const Rotation& rotation) {

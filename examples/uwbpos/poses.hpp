@@ -88,6 +88,15 @@ struct Body {
 /// The target from each pose but those in its place.
 [[nodiscard]] std::vector<SeenTarget> targets_seen(const Body& body, const Vec<double, 2>& target);
 
+/// Errors of headings, root mean square, as what changes from epoch to epoch and what does not.
+struct HeadingParts {
+  double noise;  ///< [rad]
+  double slow;   ///< [rad]
+};
+
+/// Those of the scored poses; nothing of fewer than fifty.
+[[nodiscard]] std::optional<HeadingParts> parts_of_heading_error(const Body& body);
+
 /// Heading of a rotation: the direction of its x axis in plan [rad].
 [[nodiscard]] double heading_of(const Rotation& rotation);
 

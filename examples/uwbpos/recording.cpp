@@ -175,6 +175,14 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
     said.push_back(fmt::format("{} settled between two poses by the body's last position.",
                                count_of(replay.body->chosen_by_prior, "epoch")));
   }
+  const auto parts = replay.body ? parts_of_heading_error(*replay.body) : std::nullopt;
+  if (parts && parts->slow > parts->noise / 2) {
+    said.push_back(fmt::format(
+        "Headings are off by {:.1f}° rms that change from epoch to epoch, which is noise, and by "
+        "{:.1f}° that do not: biases of the links, which depend on the way the body looks. One "
+        "constant per link cannot take that away.",
+        radians_to_degrees(parts->noise), radians_to_degrees(parts->slow)));
+  }
   if (replay.chosen_by_prior > 0) {
     said.push_back(fmt::format("{} settled between two mirror images by the tag's last position.",
                                count_of(replay.chosen_by_prior, "epoch")));
