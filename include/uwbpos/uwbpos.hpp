@@ -87,6 +87,7 @@
 #include "uwbpos/solve/pose_minima.hpp"
 #include "uwbpos/solve/pose_normal.hpp"
 #include "uwbpos/solve/pose_options.hpp"
+#include "uwbpos/solve/pose_problem.hpp"
 #include "uwbpos/solve/pseudorange_least_squares.hpp"
 #include "uwbpos/solve/pseudorange_profile.hpp"
 #include "uwbpos/solve/pseudorange_roots.hpp"

@@ -77,13 +77,38 @@ std::vector<Vec<S, 3>> in_space(const std::vector<Vec<S, D>>& plan, S z) {
 }  // namespace
 
 TEST_CASE("noiseless ranges give the exact pose, never an image of it: double") {
-  check_scenes<double, 2>(10'000);
-  check_scenes<double, 3>(2'000);
+  check_scenes<double, 2>(3'000);
+  check_scenes<double, 3>(1'000);
 }
 
 TEST_CASE("noiseless ranges give the exact pose, never an image of it: float") {
-  check_scenes<float, 2>(4'000);
-  check_scenes<float, 3>(2'000);
+  check_scenes<float, 2>(2'000);
+  check_scenes<float, 3>(1'000);
+}
+
+TEST_CASE("noisy ranges of few anchors: an image is refused, hardly ever answered") {
+  sim::Random random{"noisy pose scenes"};
+  constexpr int count = 3'000;
+  int refused = 0;
+  int far = 0;
+  for (int i = 0; i < count; ++i) {
+    const auto scene = test::random_scene<double, 2>(random, 3, 8, 0.25);
+    const auto bound = pose_bound(scene.ranges, scene.position, scene.heading);
+    const auto pose = pose_from_ranges(test::noisy<double, 2>(random, scene.ranges));
+    if (!pose) {
+      CHECK(pose.error() == Error::AmbiguousSolution);
+      ++refused;
+      continue;
+    }
+    const double turn = angle_difference(pose->heading, scene.heading);
+    if (turn * turn > 36 * (*bound)(2, 2)) ++far;
+  }
+  MESSAGE(refused, " refused, ", far, " beyond six standard deviations, of ", count);
+  // Rooms of three anchors whose noise leaves two poses within Δχ² of 9: of 60,000 scenes 2 % are
+  // refused. Of the answers 31 were farther off: 11 at the lowest of clearly separate minima, and
+  // the rest where the linear system had seemed to settle the heading.
+  CHECK(refused <= count / 40);
+  CHECK(far <= count / 600);
 }
 
 TEST_CASE_TEMPLATE("permuting, turning and moving the scene does the same to the pose", S, float,

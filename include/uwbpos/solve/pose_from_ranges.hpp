@@ -25,60 +25,6 @@ namespace detail {
 
 inline constexpr int kPoseHeadings = 12;
 
-/// `known` as the descent takes it, in units of the state; next to the ranges' own information,
-/// `most`, knowledge a hundred times sharper is a constant.
-template <class S>
-Knowledge<S> knowledge_of(const std::optional<Measured<S>>& known, S scale, S origin, S most) {
-  if (!known) return {};
-  const S information = S(1) / (known->variance * scale * scale);
-  const bool pinned = !(information < S(1e4) * most);
-  return {pinned, known->value * scale - origin, std::isfinite(information) ? information : S(0)};
-}
-
-/// Brings checked input to the anchors' centre. Errors: Error::HeadingUndetermined;
-/// Error::DegenerateGeometry.
-template <class S, int D>
-Result<PoseProblem<S, D>> pose_problem(TagRangeSpan<S, D> ranges,
-                                       const PoseOptions<S, D>& options) {
-  constexpr S kRounding = S(4) * std::numeric_limits<S>::epsilon();
-  const auto plan = [](const Vec<S, D>& v) { return Vec<S, 2>{v[0], v[1]}; };
-  PoseProblem<S, D> problem{};
-  problem.ranges = ranges;
-  problem.robust = options.robust;
-  const TagRange<S, D>& first = ranges.front();
-  Vec<S, D> mean = Vec<S, D>::Zero();
-  S arms_apart = S(0);
-  S anchors_apart = S(0);
-  S information = S(0);
-  for (const TagRange<S, D>& r : ranges) {
-    mean += r.anchor - first.anchor;
-    anchors_apart = std::max(anchors_apart, norm(plan(r.anchor - first.anchor)));
-    arms_apart = std::max(arms_apart, norm(plan(r.lever_arm - first.lever_arm)));
-    problem.arm = std::max(problem.arm, norm(plan(r.lever_arm)));
-    information += S(1) / (r.sigma * r.sigma);
-  }
-  problem.center = first.anchor + mean / static_cast<S>(ranges.size());
-  for (const TagRange<S, D>& r : ranges) {
-    problem.largest = std::max({problem.largest, std::abs(r.range), norm(r.lever_arm),
-                                norm<S, D>(r.anchor - problem.center)});
-  }
-  if (!std::isfinite(problem.largest) || !std::isfinite(information)) {
-    return std::unexpected(Error::NumericOverflow);
-  }
-  if (!options.heading) {
-    if (!(arms_apart > kRounding * problem.arm)) return std::unexpected(Error::HeadingUndetermined);
-    if (!(anchors_apart > kRounding * problem.largest)) {
-      return std::unexpected(Error::DegenerateGeometry);
-    }
-  }
-  if (!(problem.arm > S(0))) problem.arm = S(1);
-  problem.heading = knowledge_of(options.heading, problem.arm, S(0), information);
-  if constexpr (D == 3) {
-    problem.height = knowledge_of(options.height, S(1), problem.center[2], information);
-  }
-  return problem;
-}
-
 /// The minimum to answer.
 template <class S, int D>
 Result<Minimum<S, D + 1>> lowest_minimum(const PoseProblem<S, D>& problem,
@@ -98,10 +44,10 @@ Result<Minimum<S, D + 1>> lowest_minimum(const PoseProblem<S, D>& problem,
     const S turn = S(2) * std::numbers::pi_v<S> * static_cast<S>(k) / S(kPoseHeadings);
     descend_at<S, D>(problem, turn, minima);
   }
-  // Where the linear system determines the heading there are no images, only noise: the lowest
-  // minimum is the likeliest pose.
+  // Where the linear system has c and s to within half the circle's radius there are no images,
+  // only noise: the lowest minimum is the likeliest pose.
   const bool level = D == 2 || problem.height.pinned;
-  const bool determined = level && guess && guess->variance < S(1);
+  const bool determined = level && guess && guess->variance < S(0.25);
   if (!minima.best || !minima.other || determined) return minima.best;
 
   // Beside each other on the circle, relative to the anchors' centre, the images are compared.
@@ -110,11 +56,7 @@ Result<Minimum<S, D + 1>> lowest_minimum(const PoseProblem<S, D>& problem,
   minima.other->state[D] = minima.best->state[D] + apart;
   LocateOptions<S, D> relative{options.side, options.prior};
   if (relative.prior) *relative.prior -= problem.center;
-  S rounding = S(0);
-  const S length = S(4) * std::numeric_limits<S>::epsilon() * problem.largest;
-  for (const TagRange<S, D>& r : problem.ranges) {
-    rounding += (length / r.sigma) * (length / r.sigma);
-  }
+  const S rounding = chi_squared_rounding<S>(problem.ranges, problem.largest);
   return settle_images<S, D, D + 1>(minima.best, minima.other, relative, freedom, problem.largest,
                                     rounding);
 }

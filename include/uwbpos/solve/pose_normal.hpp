@@ -8,35 +8,14 @@
 /// \f[ \frac{\partial^2 h}{\partial (p, \psi)^2} =
 ///     \frac{A^T A - G\,G^T}{h} - (g^T r)_{xy}\, e_\psi e_\psi^T. \qquad (1) \f]
 
-#include <cmath>
-#include <optional>
+#include <algorithm>
 
 #include "uwbpos/core/angle.hpp"
 #include "uwbpos/model/tag_range.hpp"
 #include "uwbpos/solve/newton.hpp"
-#include "uwbpos/solve/pose_options.hpp"
+#include "uwbpos/solve/pose_problem.hpp"
 
 namespace uwbpos {
-
-/// One unknown known beforehand: exactly, or with an information to be weighed against the rest.
-template <class S>
-struct Knowledge {
-  bool pinned = false;   ///< to be left at `value`
-  S value = S(0);        ///< in units of the state
-  S information = S(0);  ///< 1/variance; 0 when nothing is known, or all
-};
-
-/// What a descent to a pose works on; positions relative to `center`.
-template <class S, int D>
-struct PoseProblem {
-  TagRangeSpan<S, D> ranges;  ///< checked
-  Vec<S, D> center;           ///< mean of the anchors [m]
-  S arm;                      ///< L: the longest arm in plan [m], or 1 where all are zero
-  S largest;                  ///< the greatest length met [m]: the scale of rounding errors
-  RobustLoss<S> robust;       ///< what is made small
-  Knowledge<S> heading;       ///< of Lψ, on the circle
-  Knowledge<S> height;        ///< of z − center z
-};
 
 /// The normal equations at `state`. O(n·D²), no allocation.
 template <class S, int D>
