@@ -179,9 +179,13 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
   if (parts && parts->slow > parts->noise / 2) {
     said.push_back(fmt::format(
         "Headings are off by {:.1f}° rms that change from epoch to epoch, which is noise, and by "
-        "{:.1f}° that do not: biases of the links. What in them depends on the way the body looks, "
-        "one constant per link cannot take away.",
-        radians_to_degrees(parts->noise), radians_to_degrees(parts->slow)));
+        "{:.1f}° that do not: {}.",
+        radians_to_degrees(parts->noise), radians_to_degrees(parts->slow),
+        recording.site.bias.empty()
+            ? "biases of the links, if arms and truth are right; uwbpos calibrate finds their "
+              "constant part"
+            : "what a constant for each link cannot take away, such as a bias that depends on the "
+              "way the body looks"));
   }
   if (replay.chosen_by_prior > 0) {
     said.push_back(fmt::format("{} settled between two mirror images by the tag's last position.",
