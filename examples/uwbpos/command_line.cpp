@@ -103,6 +103,8 @@ struct Arguments {
   Settings settings;
   double height = 0;
   double epoch_window = 0;
+  std::string velocity;
+  Vec<double, 2> target = Vec<double, 2>::Zero();
   std::vector<double> prior;
 };
 
@@ -166,6 +168,15 @@ void add_solving(CLI::App& app, Arguments& a) {
   add_choice<Side>(app, "--side", s.side,
                    "in space: the tags are above or below the plane\nof the anchors",
                    {{"above", Side::kAbove}, {"below", Side::kBelow}});
+  add_choice<Loss>(app, "--loss", s.loss,
+                   "of poses of several tags: squares, or one that bounds\nthe pull of outliers",
+                   {{"squares", Loss::Squares}, {"huber", Loss::Huber}, {"cauchy", Loss::Cauchy}});
+  app.add_option("--velocity", a.velocity,
+                 "with several tags: velocities too, between poses this\nfar apart [s] (default: "
+                 "1)")
+      ->type_name("S")
+      ->expected(0, 1)
+      ->check(above_zero());
   app.add_option("--prior", a.prior,
                  "where the tags start, roughly [m]; settles mirror\nimages before the first "
                  "position is known")
@@ -188,6 +199,7 @@ void settle_solving(const CLI::App& app, Arguments& a) {
   settle(app, a);
   Settings& s = a.settings;
   if (app.count("--epoch-window") > 0) s.epoch_window = a.epoch_window;
+  if (app.count("--velocity") > 0) s.velocity = a.velocity.empty() ? 1 : std::stod(a.velocity);
   if (!a.prior.empty()) {
     s.prior = Vec3{a.prior[0], a.prior[1], a.prior.size() > 2 ? a.prior[2] : 0};
   }
@@ -367,6 +379,21 @@ int dispatch(int argc, const char* const* argv) {
   add_solving(*replay, replay_arguments);
   replay->footer(kReplayFooter);
 
+  Arguments target_arguments;
+  CLI::App* target = app.add_subcommand(
+      "target", "replay, and the distance and bearing of a target along the way");
+  target->add_option("--x", target_arguments.target.x(), "where the target is [m]")
+      ->type_name("X")
+      ->required()
+      ->check(finite());
+  target->add_option("--y", target_arguments.target.y(), "where the target is [m]")
+      ->type_name("Y")
+      ->required()
+      ->check(finite());
+  add_inputs(*target, target_arguments);
+  add_solving(*target, target_arguments);
+  target->footer(kReplayFooter);
+
   Arguments calibrate_arguments;
   CLI::App* calibrate =
       app.add_subcommand("calibrate", "measure the bias of each link where the truth is known");
@@ -397,6 +424,11 @@ int dispatch(int argc, const char* const* argv) {
     if (ultrasonic->parsed()) {
       settle_ultrasonic(*ultrasonic, ultrasonic_settings, ultrasonic_arguments);
       return run_ultrasonic(ultrasonic_settings);
+    }
+    if (target->parsed()) {
+      settle_solving(*target, target_arguments);
+      target_arguments.settings.target = target_arguments.target;
+      return run_replay(target_arguments.settings);
     }
     if (replay->parsed()) {
       settle_solving(*replay, replay_arguments);

@@ -24,10 +24,32 @@ void print_remarks(const std::vector<std::string>& said) {
 }
 
 void write_tracks(const std::filesystem::path& directory, const Replay& result) {
-  write_file(directory / "track.tum", track_tum(result, std::nullopt));
+  write_file(directory / "track.tum",
+             result.body ? poses_tum(*result.body) : track_tum(result, std::nullopt));
   if (result.of_tag.size() < 2) return;
   for (const auto& [tag, outcome] : result.of_tag) {
     write_file(directory / fmt::format("track_tag_{}.tum", tag), track_tum(result, tag));
+  }
+}
+
+// What was asked for beside positions, and is a matter of poses.
+void write_motion(const Settings& settings, const Replay& result) {
+  if (!settings.velocity && !settings.target) return;
+  if (!result.body) {
+    throw Failure{fmt::format(
+        "{} needs poses: --tags with two or more lever arms, and their ranges in one log",
+        settings.target ? "target" : "--velocity")};
+  }
+  if (settings.velocity) {
+    const std::vector<BodyTwist> twists = twists_of(*result.body, *settings.velocity);
+    write_file(settings.out / "twists.csv", twists_csv(twists));
+    fmt::print("{}, over {:g} s each: twists.csv\n", count_of(twists.size(), "twist"),
+               *settings.velocity);
+  }
+  if (settings.target) {
+    const std::vector<SeenTarget> seen = targets_seen(*result.body, *settings.target);
+    write_file(settings.out / "target.csv", target_csv(seen));
+    fmt::print("{}\n", target_table(seen, *settings.target));
   }
 }
 
@@ -88,6 +110,7 @@ int run_replay(const Settings& settings) {
   write_file(report, report_html(settings, recording, result, said));
   fmt::print("wrote summary.json{} and the report to open: {}\n", tried ? ", track.tum" : "",
              report.string());
+  if (tried) write_motion(settings, result);
   if (result.all.solved == 0 && !ranges_scored) {
     throw Failure{fmt::format("{}: nothing could be solved{}", recording.log.string(),
                               advice(settings, result))};

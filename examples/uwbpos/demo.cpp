@@ -18,6 +18,7 @@
 
 #include "command_line.hpp"
 #include "commands.hpp"
+#include "demo_posture.hpp"
 #include "demo_tdoa.hpp"
 #include "demo_ultrasonic.hpp"
 #include "failure.hpp"
@@ -192,6 +193,7 @@ int run_demo(const std::filesystem::path& out) {
   }
   show_ultrasound(out);
   show_building(out);
+  show_posture(out);
   fmt::print("\nNow open the report: {}\n", report.string());
   return kSuccess;
 }

@@ -14,12 +14,12 @@
 #include "gnuplot.hpp"
 #include "output.hpp"
 #include "statistics.hpp"
+#include "trajectory.hpp"
 #include "ultrasonic.hpp"
 
 namespace uwbpos::host {
 namespace {
 
-using Vec2 = Vec<double, 2>;
 using Receivers = std::array<Vec2, 3>;
 
 constexpr double kPaperSpeed = 340;  // of its simulation [m/s]

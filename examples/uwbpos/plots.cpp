@@ -100,7 +100,129 @@ std::string beyond(const std::vector<double>& ascending, double limit) {
                      label_metres(ascending.back()));
 }
 
+// Headings at some forty places, as arrows of the given length.
+std::string heading_arrows(const Body& body, double length) {
+  constexpr std::size_t most = 40;
+  std::string data = "$headings << EOD\n";
+  const std::size_t stride = stride_for(body.track.size(), most);
+  for (std::size_t i = 0; i < body.track.size(); i += stride) {
+    const LevelPose<double>& pose = body.track[i].pose;
+    line(data, "{:.3f} {:.3f} {:.4f} {:.4f}", pose.position.x(), pose.position.y(),
+         length * std::cos(pose.heading), length * std::sin(pose.heading));
+  }
+  return data + "EOD\n";
+}
+
+// One quantity over time, as dots, and its name.
+struct Course {
+  std::string name;
+  std::vector<std::pair<double, double>> points;  ///< time, value
+};
+
+// Courses over one axis of time, the first on the left axis, a second on the right one.
+std::string course_script(const std::vector<Course>& courses,
+                          const std::vector<std::string>& axes) {
+  std::string script = preamble(520, 300);
+  Range time;
+  for (std::size_t i = 0; i < courses.size(); ++i) {
+    std::string data;
+    const std::size_t stride = stride_for(courses[i].points.size(), kMostDots);
+    for (std::size_t j = 0; j < courses[i].points.size(); ++j) {
+      time.include(courses[i].points[j].first);
+      if (j % stride != 0) continue;
+      line(data, "{:.3f} {:.5f}", courses[i].points[j].first, courses[i].points[j].second);
+    }
+    line(script, "$course{} << EOD\nNaN NaN\n{}EOD", i, data);
+  }
+  line(script, "set xrange [0:{:.4f}]", std::max(time.high, 1e-9));
+  line(script, "set xlabel 'time since the first position [s]'\nset ylabel '{}'", axes[0]);
+  if (axes.size() > 1) {
+    line(script, "set rmargin 8\nset ytics nomirror\nset y2tics tc {}\nset y2label '{}' tc {}",
+         ink(Ink::kText), axes[1], ink(Ink::kMuted));
+  }
+  line(
+      script,
+      "set tmargin 2.6\nset key at graph 0.5, screen 0.985 center top horizontal tc {} samplen 1.2 "
+      "width -1 maxrows 1",
+      ink(Ink::kText));
+  line(script, "set xzeroaxis lc {} lw 1.2", ink(Ink::kMuted));
+  script += "plot ";
+  for (std::size_t i = 0; i < courses.size(); ++i) {
+    const char* axis = axes.size() > 1 && i > 0 ? "axes x1y2 " : "";
+    line(script, "$course{} {}with points pt 7 ps 0.22 lc {} notitle, \\", i, axis, series_ink(i));
+    line(script, "NaN with points pt 7 ps 0.8 lc {} title '{}'{}", series_ink(i), courses[i].name,
+         i + 1 < courses.size() ? ", \\" : "");
+  }
+  return script;
+}
+
 }  // namespace
+
+Replay drawn(const Replay& replay) {
+  if (!replay.body) return replay;
+  Replay view;
+  view.dim = replay.dim;
+  view.body = replay.body;
+  view.all = outcome_of(*replay.body);
+  view.of_tag = {{0, view.all}};
+  for (const SolvedPose& p : replay.body->track) {
+    view.track.push_back({p.t, 0, p.pose.position, p.chi_squared, p.degrees_of_freedom, p.readings,
+                          p.chosen_by_prior, std::nullopt});
+    if (p.truth) view.track.back().truth = p.truth->position;
+  }
+  return view;
+}
+
+Figure heading_figure(const Body& body) {
+  Course course{"heading", {}};
+  std::vector<double> sizes;
+  for (const SolvedPose& p : body.track) {
+    if (!p.truth) continue;
+    const double error =
+        radians_to_degrees(angle_difference(p.pose.heading, heading_of(p.truth->rotation)));
+    course.points.emplace_back(p.t - body.track.front().t, error);
+    sizes.push_back(std::abs(error));
+  }
+  std::ranges::sort(sizes);
+  const double limit = error_limit(sizes);
+  std::string script = course_script({course}, {"error of heading [deg]"});
+  const std::size_t plot = script.rfind("plot ");
+  script.insert(plot, fmt::format("set yrange [{:.4f}:{:.4f}]\nset key off\n", -limit, limit));
+  const auto above = sizes.end() - std::ranges::upper_bound(sizes, limit);
+  return finish("Error of heading over time", script, "heading",
+                "Solved minus true heading, counter-clockwise positive." +
+                    (above > 0 ? fmt::format(" {} beyond the axis, up to {:.0f} degrees.", above,
+                                             sizes.back())
+                               : std::string{}));
+}
+
+Figure twist_figure(const std::vector<BodyTwist>& twists) {
+  Course forward{"forward", {}};
+  Course turning{"turn rate", {}};
+  for (const BodyTwist& t : twists) {
+    const double since = t.t - twists.front().t;
+    forward.points.emplace_back(since, t.twist.body_velocity.x());
+    turning.points.emplace_back(since, radians_to_degrees(t.twist.turn_rate));
+  }
+  return finish("Velocity over time",
+                course_script({forward, turning}, {"forward [m/s]", "turn rate [deg/s]"}), "twist",
+                "Forward velocity and turn rate of the body, each between two poses.");
+}
+
+Figure target_figure(const std::vector<SeenTarget>& seen) {
+  Course distance{"distance", {}};
+  Course bearing{"bearing", {}};
+  for (const SeenTarget& s : seen) {
+    const double since = s.t - seen.front().t;
+    distance.points.emplace_back(since, s.target.distance);
+    bearing.points.emplace_back(since, radians_to_degrees(s.target.bearing));
+  }
+  std::string script = course_script({distance, bearing}, {"distance [m]", "bearing [deg]"});
+  script.insert(script.rfind("plot "), "set yrange [0:*]\nset y2range [-180:180]\nset y2tics 60\n");
+  return finish("Target over time", script, "target",
+                "Distance and bearing of the target from the body; bearings count from its forward "
+                "axis, to the left.");
+}
 
 Figure map_figure(const Replay& replay, const Points& anchors) {
   Range x;
@@ -163,6 +285,8 @@ Figure map_figure(const Replay& replay, const Points& anchors) {
         fmt::format("$truth{} << EOD\n{}EOD\n$track{} << EOD\n{}EOD\n", i,
                     truth.empty() ? "NaN NaN\n" : truth, i, track.empty() ? "NaN NaN\n" : track);
   }
+  const bool with_headings = replay.body && !replay.body->track.empty();
+  if (with_headings) data += heading_arrows(*replay.body, 0.05 * std::max(x.length(), y.length()));
   std::string script = preamble(width, height) + data;
   line(script, "set size ratio -1\nset xrange [{:.4f}:{:.4f}]\nset yrange [{:.4f}:{:.4f}]", x.low,
        x.high, y.low, y.high);
@@ -178,17 +302,25 @@ Figure map_figure(const Replay& replay, const Points& anchors) {
          i == 0 ? "title 'truth'" : "notitle");
   }
   for (std::size_t i = 0; i < tags.size(); ++i) {
-    const std::string name =
-        tags.size() == 1 ? std::string{"track"} : fmt::format("tag {}", tags[i]);
+    const std::string name = replay.body        ? std::string{"body"}
+                             : tags.size() == 1 ? std::string{"track"}
+                                                : fmt::format("tag {}", tags[i]);
     line(script, "$track{} with points pt 7 ps 0.22 lc {} notitle, \\", i, series_ink(i));
     // The key shows a larger dot than the map.
     line(script, "NaN with points pt 7 ps 0.8 lc {} title '{}', \\", series_ink(i), name);
+  }
+  if (with_headings) {
+    line(script,
+         "$headings using 1:2:3:4 with vectors head size screen 0.012,22 filled lc {} lw 1.3 "
+         "title 'heading', \\",
+         ink(Ink::kMark));
   }
   line(script, "$anchors using 1:2 with points pt 9 ps 1.1 lc {} title 'anchor', \\",
        ink(Ink::kAnchor));
   line(script, "$anchors using 1:2:3 with labels offset 0,0.8 font ',12' tc {} notitle",
        ink(Ink::kText));
   std::string caption = "Plan view, one metre as long in x as in y; anchors by their ids.";
+  if (with_headings) caption += " Arrows: headings as solved, some of them.";
   caption += thinned(stride);
   if (outside > 0) {
     caption += fmt::format(" {} {} outside the map.", outside,

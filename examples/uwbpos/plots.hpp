@@ -23,6 +23,14 @@ struct Figure {
 
 /// Plan view to scale: anchors, truth and track.
 [[nodiscard]] Figure map_figure(const Replay& replay, const Points& anchors);
+/// The same replay as figures draw it: with a body, its origin in place of the tags.
+[[nodiscard]] Replay drawn(const Replay& replay);
+/// Error of each heading over time.
+[[nodiscard]] Figure heading_figure(const Body& body);
+/// Speed forward and turn rate over time.
+[[nodiscard]] Figure twist_figure(const std::vector<BodyTwist>& twists);
+/// Distance and bearing of the target over time.
+[[nodiscard]] Figure target_figure(const std::vector<SeenTarget>& seen);
 /// Error of each position over time.
 [[nodiscard]] Figure time_figure(const Replay& replay);
 /// Share of positions with no more than an error, 50, 90 and 95 % marked.

@@ -77,6 +77,10 @@ std::string_view reason_name(Error error) {
       return "temperature_out_of_range";
     case Error::NoRepairFits:
       return "no_repair_fits";
+    case Error::BaselineMismatch:
+      return "baseline_mismatch";
+    case Error::HeadingUndetermined:
+      return "heading_undetermined";
     case Error::UnknownAnchor:
       return "unknown_anchor";
     case Error::DuplicateAnchor:

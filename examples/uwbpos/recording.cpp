@@ -167,6 +167,26 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
     said.push_back(fmt::format("{} of links that the bias file does not have, taken as unbiased.",
                                count_of(replay.without_bias, "reading")));
   }
+  if (replay.never_together) {
+    said.emplace_back(
+        "No epoch holds ranges of two tags that give a pose: positions are those of the tags.");
+  }
+  if (replay.body && replay.body->chosen_by_prior > 0) {
+    said.push_back(fmt::format("{} settled between two poses by the body's last position.",
+                               count_of(replay.body->chosen_by_prior, "epoch")));
+  }
+  const auto parts = replay.body ? parts_of_heading_error(*replay.body) : std::nullopt;
+  if (parts && parts->slow > parts->noise / 2) {
+    said.push_back(fmt::format(
+        "Headings are off by {:.1f}° rms that change from epoch to epoch, which is noise, and by "
+        "{:.1f}° that do not: {}.",
+        radians_to_degrees(parts->noise), radians_to_degrees(parts->slow),
+        recording.site.bias.empty()
+            ? "biases of the links, if arms and truth are right; uwbpos calibrate finds their "
+              "constant part"
+            : "what a constant for each link cannot take away, such as a bias that depends on the "
+              "way the body looks"));
+  }
   if (replay.chosen_by_prior > 0) {
     said.push_back(fmt::format("{} settled between two mirror images by the tag's last position.",
                                count_of(replay.chosen_by_prior, "epoch")));

@@ -274,6 +274,14 @@ Replay replay(Settings settings, const Site& site, const std::vector<Reading>& r
     residuals_against_truth(site, settings, flat, kept, result);
   }
   score(site, result);
+  if (has_pose(site, kept)) {
+    result.body = solve_poses(settings, site, result.dim, kept, progress);
+    // Tags that are never heard together have positions all the same.
+    if (result.body->track.empty() && result.all.solved > 0) {
+      result.body.reset();
+      result.never_together = true;
+    }
+  }
   return result;
 }
 

@@ -12,6 +12,7 @@
 
 #include "epochs.hpp"
 #include "formats.hpp"
+#include "poses.hpp"
 #include "reasons.hpp"
 #include "scoring.hpp"
 #include "settings.hpp"
@@ -69,6 +70,8 @@ struct Replay {
   std::size_t fused = 0;              ///< epochs whose position several subnets agreed on
   std::size_t inconsistent = 0;       ///< solved epochs that contradict themselves all the same
   std::optional<double> found_sigma;  ///< of a difference, found from the log [m]
+  std::optional<Body> body;           ///< with two tags or more
+  bool never_together = false;        ///< several tags, and no epoch that gave a pose
   double solve_seconds = 0;           ///< inside `locate`
   std::size_t solve_calls = 0;
 };

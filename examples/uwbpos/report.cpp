@@ -21,6 +21,11 @@ std::string metres(double value) {
   return fmt::format("{:.2f} m", value);
 }
 
+std::string degrees(double radians) {
+  if (!std::isfinite(radians)) return "–";
+  return fmt::format("{:.1f}°", radians_to_degrees(radians));
+}
+
 std::string thousands(double value) {
   if (value >= 1e6) return fmt::format("{:.2g} M", value / 1e6);
   if (value >= 1e4) return fmt::format("{:.0f} 000", value / 1e3);
@@ -37,8 +42,8 @@ std::string list(const std::vector<std::string>& sentences) {
 
 // The headline numbers.
 std::string numbers(const Replay& replay) {
-  const Outcome& all = replay.all;
-  const bool eight = all.scored > 0 && replay.dim == 3;
+  const Outcome all = replay.body ? outcome_of(*replay.body) : replay.all;
+  const bool eight = all.scored > 0 && (replay.dim == 3 || replay.body);
   std::string text = eight ? "<div class=\"numbers two-rows\">\n" : "<div class=\"numbers\">\n";
   if (all.scored > 0) {
     const ErrorSummary& e = all.error;
@@ -47,6 +52,9 @@ std::string numbers(const Replay& replay) {
     text += number(metres(e.median), "median error");
     text += number(metres(e.p95), "95 % are below");
     text += number(metres(e.max), "largest error");
+    if (replay.body) {
+      text += number(degrees(replay.body->heading_error.rmse), "rmse of the heading");
+    }
   }
   const double share = 100 * static_cast<double>(all.solved) /
                        static_cast<double>(std::max<std::size_t>(all.epochs, 1));
@@ -54,9 +62,10 @@ std::string numbers(const Replay& replay) {
       fmt::format("{}", all.solved),
       fmt::format("of {} epochs solved ({:.{}f} %)", all.epochs, share, share == 100 ? 0 : 1));
   text += number(fmt::format("{}", total(all.rejected)), "epochs rejected");
-  if (replay.solve_seconds > 0) {
-    text += number(thousands(static_cast<double>(replay.solve_calls) / replay.solve_seconds),
-                   "solves per second");
+  const double seconds = replay.body ? replay.body->solve_seconds : replay.solve_seconds;
+  const std::size_t calls = replay.body ? replay.body->solve_calls : replay.solve_calls;
+  if (seconds > 0) {
+    text += number(thousands(static_cast<double>(calls) / seconds), "solves per second");
   }
   return text + "</div>\n";
 }
@@ -86,6 +95,17 @@ std::string tag_table(const Replay& replay) {
     text += outcome_row(fmt::format("tag {}", tag), outcome, scored, replay.dim);
   }
   if (replay.of_tag.size() > 1) text += outcome_row("all", replay.all, scored, replay.dim);
+  if (replay.body) {
+    text += outcome_row("body", outcome_of(*replay.body), replay.body->scored > 0, replay.dim);
+    if (replay.body->scored > 0) {
+      const ErrorSummary& e = replay.body->heading_error;
+      text += "<tr><td>heading</td><td></td><td></td>";
+      for (const double value : {e.rmse, e.mean, e.median, e.p95, e.max}) {
+        text += fmt::format("<td>{}</td>", degrees(value));
+      }
+      text += replay.dim == 3 ? "<td></td></tr>\n" : "</tr>\n";
+    }
+  }
   return text + "</table></div>";
 }
 
@@ -113,13 +133,24 @@ std::string rejected_table(const Counts& rejected, std::string_view what) {
 }
 
 // Two columns on a wide screen; on a narrow one the plots come before the words.
-std::string findings(const Recording& recording, const Replay& replay) {
+std::string findings(const Settings& settings, const Recording& recording, const Replay& replay) {
   const std::vector<AnchorQuality> worst_first = anchor_qualities(replay);
-  std::string left = figure(map_figure(replay, recording.site.anchors));
+  const Replay view = drawn(replay);
+  std::string left = figure(map_figure(view, recording.site.anchors));
   std::string right;
-  if (replay.all.scored > 0)
-    right = figure(time_figure(replay)) + figure(distribution_figure(replay));
-  if (replay.dim == 3) left += figure(height_figure(replay));
+  if (view.all.scored > 0) right = figure(time_figure(view)) + figure(distribution_figure(view));
+  if (replay.dim == 3) left += figure(height_figure(view));
+  if (replay.body) {
+    if (replay.body->scored > 0) left += figure(heading_figure(*replay.body));
+    if (settings.velocity) {
+      const auto twists = twists_of(*replay.body, *settings.velocity);
+      if (!twists.empty()) left += figure(twist_figure(twists));
+    }
+    if (settings.target) {
+      const auto seen = targets_seen(*replay.body, *settings.target);
+      if (!seen.empty()) left += figure(target_figure(seen));
+    }
+  }
   if (!worst_first.empty()) {
     right += figure(residual_figure(replay, worst_first));
     std::string verdict;
@@ -187,11 +218,13 @@ std::string lead(const Settings& settings, const Recording& recording, const Rep
                 : std::string{"; solved in the plane, heights left out"};
     text += replay.rule.window > 0 ? fmt::format(", epochs of up to {:.3g} s", replay.rule.window)
                                    : std::string{", one epoch per time stamp"};
+    if (replay.body) text += "; poses of the body from all its tags at once";
     text += settings.bias.empty() ? "; no bias table" : "; link biases subtracted";
     if (settings.truth.empty()) text += "; no truth to compare with";
   }
   if (replay.all.epochs > 0) {
-    return text + ". Each position is solved on its own: nothing is smoothed or filtered.";
+    return text + fmt::format(". Each {} is solved on its own: nothing is smoothed or filtered.",
+                              replay.body ? "pose" : "position");
   }
   return text + ", compared with true distances.";
 }
@@ -245,7 +278,7 @@ std::string report_html(const Settings& settings, const Recording& recording, co
     page += range_numbers(*recording.ranging);
   }
   page += "<div class=\"grid\">\n";
-  if (solved) page += findings(recording, replay);
+  if (solved) page += findings(settings, recording, replay);
   if (recording.ranging && !recording.ranging->scored.empty()) {
     page += range_section(*recording.ranging);
   }

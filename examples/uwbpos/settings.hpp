@@ -9,6 +9,8 @@
 #include <optional>
 #include <vector>
 
+#include "uwbpos/solve/robust_loss.hpp"
+
 #include "trajectory.hpp"
 
 namespace uwbpos::host {
@@ -32,8 +34,11 @@ struct Settings {
   std::optional<double> sigma;
   double max_range = 500;  ///< [m]
   Side side = Side::kUnknown;
-  std::optional<Vec3> prior;  ///< where the tags are, roughly [m]
-  unsigned counter_bits = 0;  ///< 0: find out
+  Loss loss = Loss::Squares;             ///< of poses
+  std::optional<double> velocity;        ///< time between the poses of a twist [s]
+  std::optional<Vec<double, 2>> target;  ///< its bearing is wanted [m]
+  std::optional<Vec3> prior;             ///< where the tags are, roughly [m]
+  unsigned counter_bits = 0;             ///< 0: find out
   bool strict = false;
 };
 

@@ -36,6 +36,15 @@ Json json_of(const RangeScore& score) {
   return json;
 }
 
+// Angles in degrees.
+Json degrees_of(const ErrorSummary& error) {
+  return {{"rmse", radians_to_degrees(error.rmse)},
+          {"mean", radians_to_degrees(error.mean)},
+          {"median", radians_to_degrees(error.median)},
+          {"p95", radians_to_degrees(error.p95)},
+          {"max", radians_to_degrees(error.max)}};
+}
+
 Json json_of(const Counts& counts) {
   Json json = Json::object();
   for (const auto& [reason, count] : counts) json[reason] = count;
@@ -98,6 +107,24 @@ std::string error_row(std::string_view name, const Outcome& outcome, int dim) {
   return row + '\n';
 }
 
+std::string body_rows(const Body& body, int dim) {
+  std::string text = error_row("body", outcome_of(body), dim);
+  if (body.scored == 0) return text;
+  const ErrorSummary& e = body.heading_error;
+  text += fmt::format("{:<10}{:>18}", "heading", "");
+  for (const double value : {e.rmse, e.mean, e.median, e.p95, e.max}) {
+    text += fmt::format("{:>9.2f}", radians_to_degrees(value));
+  }
+  return text + "   error [deg]\n";
+}
+
+// Solves in a second, of what was scored: poses where there are any.
+double rate_of(const Replay& replay) {
+  const double seconds = replay.body ? replay.body->solve_seconds : replay.solve_seconds;
+  const std::size_t calls = replay.body ? replay.body->solve_calls : replay.solve_calls;
+  return seconds > 0 ? static_cast<double>(calls) / seconds : 0;
+}
+
 std::string range_row(std::string_view name, const SampleSummary& s) {
   return fmt::format("{:<34}{:>8}{:>9.3f}{:>9.3f}{:>9.3f}{:>9.1f} %\n", name, s.count, s.median,
                      s.spread, s.mean, 100 * s.outlier_share);
@@ -109,10 +136,21 @@ std::string summary_json(const Settings& settings, const Recording& recording, c
                          const Problems& problems) {
   Json json;
   if (replay != nullptr) {
-    add_outcome(json, replay->all);
-    json["solves_per_second"] =
-        replay->solve_seconds > 0 ? static_cast<double>(replay->solve_calls) / replay->solve_seconds
-                                  : 0.0;
+    const Body* body = replay->body ? &*replay->body : nullptr;
+    add_outcome(json, body != nullptr ? outcome_of(*body) : replay->all);
+    if (body != nullptr && body->scored > 0) {
+      json["heading_error_deg"] = degrees_of(body->heading_error);
+    }
+    json["solves_per_second"] = rate_of(*replay);
+    if (body != nullptr && settings.velocity) {
+      const auto twists = twists_of(*body, *settings.velocity);
+      const TwistErrors errors = summarize_twists(twists);
+      json["velocity"] = {{"span_s", *settings.velocity}, {"twists", twists.size()}};
+      if (errors.count > 0) {
+        json["velocity"]["velocity_error_mps"] = errors.velocity;
+        json["velocity"]["turn_rate_error_degps"] = radians_to_degrees(errors.turn_rate);
+      }
+    }
     if (replay->of_tag.size() > 1) {
       Json tags = Json::object();
       for (const auto& [tag, outcome] : replay->of_tag) {
@@ -123,13 +161,14 @@ std::string summary_json(const Settings& settings, const Recording& recording, c
       json["tags"] = tags;
     }
     json["dim"] = replay->dim;
-    json["epoch_window_s"] = replay->rule.window;
-    json["mirror_images_settled_by_prior"] = replay->chosen_by_prior;
+    json["epoch_window_s"] = body != nullptr ? body->rule.window : replay->rule.window;
+    json["mirror_images_settled_by_prior"] =
+        body != nullptr ? body->chosen_by_prior : replay->chosen_by_prior;
     json["unknown_anchors"] = json_of(replay->unknown_anchors);
     json["unknown_tags"] = json_of(replay->unknown_tags);
     json["refused_readings"] = json_of(replay->refused_readings);
     json["duplicate_readings"] = replay->duplicates;
-    json["outside_truth"] = replay->outside_truth;
+    json["outside_truth"] = body != nullptr ? body->outside_truth : replay->outside_truth;
     if (replay->of_differences) {
       json["excluded_differences"] = replay->excluded;
       json["excluded_differences_of_anchor"] = json_of(replay->excluded_of_anchor);
@@ -194,13 +233,11 @@ std::string summary_table(const Settings& settings, const Recording& recording,
   text += error_row(replay.of_tag.size() == 1 ? fmt::format("tag {}", replay.of_tag.begin()->first)
                                               : std::string{"all tags"},
                     replay.all, replay.dim);
-  for (const auto& [reason, count] : replay.all.rejected) {
+  if (replay.body) text += body_rows(*replay.body, replay.dim);
+  for (const auto& [reason, count] : replay.body ? replay.body->rejected : replay.all.rejected) {
     text += fmt::format("{} rejected: {}\n", count_of(count, "epoch"), reason_words(reason));
   }
-  if (replay.solve_seconds > 0) {
-    text += fmt::format("{:.0f} solves per second\n",
-                        static_cast<double>(replay.solve_calls) / replay.solve_seconds);
-  }
+  if (rate_of(replay) > 0) text += fmt::format("{:.0f} solves per second\n", rate_of(replay));
   return text;
 }
 

@@ -11,6 +11,7 @@
 
 namespace uwbpos::host {
 
+using Vec2 = Vec<double, 2>;
 using Vec3 = Vec<double, 3>;
 
 /// A unit quaternion; turns body coordinates into map coordinates.

@@ -32,6 +32,15 @@ TEST_CASE_TEMPLATE("an angle is wrapped into (-pi, pi]", S, float, double) {
   }
 }
 
+TEST_CASE_TEMPLATE("a direction lies in (-pi, pi] with zeros of either sign", S, float, double) {
+  constexpr S pi = std::numbers::pi_v<S>;
+  CHECK(direction_of(S(-1), S(0)) == pi);
+  CHECK(direction_of(S(-1), -S(0)) == pi);
+  CHECK(direction_of(S(1), -S(0)) == S(0));
+  CHECK(direction_of(S(0), S(-2)) == -pi / 2);
+  CHECK(direction_of(S(-1), S(-1)) == doctest::Approx(-3 * static_cast<double>(pi) / 4));
+}
+
 TEST_CASE_TEMPLATE("what is no angle stays none", S, float, double) {
   CHECK(std::isnan(wrap_angle(std::numeric_limits<S>::quiet_NaN())));
   CHECK(std::isnan(wrap_angle(std::numeric_limits<S>::infinity())));

@@ -98,7 +98,7 @@ TEST_CASE(
     const TruePose pose = still.at(r[0]);
     const int tag = static_cast<int>(r[1]);
     const int anchor = static_cast<int>(r[2]);
-    const Vec<double, 3> arm = planar_arm<double>(pose.heading, tags.at(tag));
+    const Vec<double, 3> arm = turned<double, 3>(turn_of(pose.heading), tags.at(tag));
     const Vec<double, 3> place{pose.x + arm[0], pose.y + arm[1], pose.z + arm[2]};
     errors[{tag, anchor}].push_back(r[3] - (place - anchors.at(anchor)).norm());
   }

@@ -46,7 +46,7 @@ TEST_CASE_TEMPLATE("lever arm: gradients by turns of the body", S, float, double
     };
     const Vec<S, 3> wanted = test::numeric_gradient<S, 3>(along, Vec<S, 3>::Zero());
     CHECK((turn_gradient<S>(arm, g) - wanted).norm() < test::difference_step<S>() * S(3));
-    CHECK(heading_gradient<S>(arm, g) == turn_gradient<S>(arm, g)[2]);
+    CHECK(heading_gradient<S, 3>(arm, g) == turn_gradient<S>(arm, g)[2]);
   }
 }
 

@@ -7,16 +7,21 @@
 #include "uwbpos/accuracy/dop.hpp"
 #include "uwbpos/filter/motion/inertial.hpp"
 #include "uwbpos/filter/tracker.hpp"
+#include "uwbpos/pose/target.hpp"
+#include "uwbpos/pose/twist.hpp"
+#include "uwbpos/pose/two_tag.hpp"
 #include "uwbpos/solve/bancroft.hpp"
 #include "uwbpos/solve/exclude_outliers.hpp"
 #include "uwbpos/solve/fsri.hpp"
 #include "uwbpos/solve/locate.hpp"
+#include "uwbpos/solve/pose_from_ranges.hpp"
 #include "uwbpos/solve/tdoa_chan.hpp"
 #include "uwbpos/solve/tdoa_fang.hpp"
 #include "uwbpos/solve/toa_chan.hpp"
 #include "uwbpos/solve/toa_linear.hpp"
 
 #include "filter/flights.hpp"
+#include "pose/scenes.hpp"
 #include "solve/difference_rooms.hpp"
 
 namespace {
@@ -66,6 +71,10 @@ TEST_CASE_TEMPLATE("no solver and no bound touches the heap", S, float, double) 
   for (std::size_t i = 0; i < 4; ++i) lengths[i] = (emitter - receivers[i]).norm() + S(0.02);
   lengths[1] += FsriOptions<S>{}.wavelength;
 
+  const auto body = test::random_scene<S, 3>(random, 6, 6);
+  const Fix<S, 2> left{{0, S(0.3)}, Mat<S, 2>::Identity() * S(1e-4), S(0), 0};
+  const Fix<S, 2> right{{0, S(-0.3)}, left.covariance, S(0), 0};
+
   const std::size_t before = allocations;
   int solved = 0;
   solved += locate(room.ranges) ? 1 : 0;
@@ -87,8 +96,15 @@ TEST_CASE_TEMPLATE("no solver and no bound touches the heap", S, float, double) 
   solved += fsri(receivers, lengths) ? 1 : 0;
   solved += locate_conventional(receivers, lengths, S(0.02)) ? 1 : 0;
   solved += locate_time_difference(receivers, lengths) ? 1 : 0;
+  solved += pose_from_ranges(body.ranges) ? 1 : 0;
+  solved += pose_from_ranges(body.ranges, {.robust = {Loss::Cauchy}}) ? 1 : 0;
+  solved += pose_bound(body.ranges, body.position, body.heading) ? 1 : 0;
+  const auto pose = two_tag_pose(left, right, S(0.6));
+  solved += pose ? 1 : 0;
+  solved += twist_between(*pose, *pose, S(1)) ? 1 : 0;
+  solved += bearing_to(*pose, Vec<S, 2>{8, 8}) ? 1 : 0;
   const std::size_t after = allocations;
-  CHECK(solved == 19);
+  CHECK(solved == 25);
   CHECK(after == before);
 
   // The count does count. (A new expression may be optimised away, a call may not.)

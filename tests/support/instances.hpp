@@ -11,6 +11,7 @@
 #include "uwbpos/solve/exclude_outliers.hpp"
 #include "uwbpos/solve/fsri.hpp"
 #include "uwbpos/solve/locate.hpp"
+#include "uwbpos/solve/pose_from_ranges.hpp"
 #include "uwbpos/solve/tdoa_chan.hpp"
 #include "uwbpos/solve/tdoa_fang.hpp"
 #include "uwbpos/solve/toa_chan.hpp"
@@ -21,6 +22,8 @@
   UWBPOS_INSTANCE Result<ToaRoots<S, D>> toa_roots<S, D>(RangeSpan<S, D>);                         \
   UWBPOS_INSTANCE Result<Fix<S, D>> detail::locate_ranges<S, D>(RangeSpan<S, D>,                   \
                                                                 const LocateOptions<S, D>&);       \
+  UWBPOS_INSTANCE Result<PoseFix<S, D>> detail::solve_pose<S, D>(TagRangeSpan<S, D>,               \
+                                                                 const PoseOptions<S, D>&);        \
   UWBPOS_INSTANCE Result<Fix<S, D>> detail::toa_linear<S, D>(RangeSpan<S, D>);                     \
   UWBPOS_INSTANCE Result<Fix<S, D>> detail::toa_chan<S, D>(RangeSpan<S, D>);                       \
   UWBPOS_INSTANCE Result<Mirror<S, D>> detail::toa_closed_form<S, D>(RangeSpan<S, D>);             \

@@ -17,6 +17,15 @@ template <class S>
   return wrapped <= -pi ? pi : wrapped;
 }
 
+/// Where (`x`, `y`) points, from +x counter-clockwise, in (−π, π] [rad]. One arctangent, no
+/// allocation.
+template <class S>
+[[nodiscard]] S direction_of(S x, S y) {
+  constexpr S pi = std::numbers::pi_v<S>;
+  const S angle = std::atan2(y, x);
+  return angle <= -pi ? pi : angle;
+}
+
 /// Smallest turn [rad] from `from` to `to`, in (−π, π].
 template <class S>
 [[nodiscard]] S angle_difference(S to, S from) {

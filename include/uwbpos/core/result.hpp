@@ -56,6 +56,10 @@ enum class Error : std::uint8_t {
   // Ultrasound.
   TemperatureOutOfRange,
   NoRepairFits,
+  // A body's pose.
+  BaselineMismatch,
+  HeadingUndetermined,
+  BearingUndefined,
   // Tables.
   UnknownAnchor,
   DuplicateAnchor,
@@ -142,6 +146,12 @@ inline constexpr int kErrorCount = static_cast<int>(Error::InvalidTable) + 1;
       return "the temperature, or the speed of sound, lies outside what air has";
     case Error::NoRepairFits:
       return "no allowed number of whole waves brings the lag into its bounds";
+    case Error::BaselineMismatch:
+      return "the tags' distance departs from the known baseline beyond noise";
+    case Error::HeadingUndetermined:
+      return "tags in one place have no heading";
+    case Error::BearingUndefined:
+      return "a target in the robot's own place has no bearing";
     case Error::UnknownAnchor:
       return "no anchor has this id";
     case Error::DuplicateAnchor:

@@ -47,12 +47,29 @@ struct Pose2 {
   Mat<S, 3> covariance;  ///< of (x, y, heading) [m², m·rad, rad²]
 };
 
+/// The pose of a body that stays level: a place in space and a heading.
+template <class S>
+struct LevelPose {
+  Vec<S, 3> position;    ///< [m]
+  S heading;             ///< from +x counter-clockwise seen from above, in (−π, π] [rad]
+  Mat<S, 4> covariance;  ///< of (x, y, z, heading) [m², m·rad, rad²]
+};
+
 /// A range to a known point.
 template <class S, int D>
 struct RangeTo {
   Vec<S, D> anchor;  ///< where the point is [m]
   S range;           ///< distance to it, as measured [m]
   S sigma = S(0.1);  ///< standard deviation of the range [m]
+};
+
+/// A range from a tag on a body to a known point.
+template <class S, int D>
+struct TagRange {
+  Vec<S, D> lever_arm;  ///< where on the body the tag is: x forward, y left, z up [m]
+  Vec<S, D> anchor;     ///< where the point is [m]
+  S range;              ///< distance between the two, as measured [m]
+  S sigma = S(0.1);     ///< standard deviation of the range [m]
 };
 
 /// A range difference against a reference that others share: |p − `anchor`| − |p − reference| [m].

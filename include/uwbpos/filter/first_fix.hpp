@@ -41,9 +41,7 @@ struct PoseReadings {
 
   [[nodiscard]] Vec<S, 3> arm(const Vec<S, N>& pose, const Vec<S, 3>& lever) const {
     const S heading = N > D ? pose[N - 1] : options.heading ? options.heading->value : S(0);
-    const S c = std::cos(heading);
-    const S s = std::sin(heading);
-    return {c * lever[0] - s * lever[1], s * lever[0] + c * lever[1], lever[2]};
+    return turned<S, 3>(turn_of(heading), lever);
   }
 
   // Residual of one reading, and its gradient with respect to the pose.
@@ -59,7 +57,7 @@ struct PoseReadings {
       to.gradient -= from.gradient;
     }
     for (int k = 0; k < D; ++k) gradient[k] = to.gradient[k];
-    if constexpr (N > D) gradient[N - 1] = heading_gradient<S>(reach, to.gradient);
+    if constexpr (N > D) gradient[N - 1] = heading_gradient<S, 3>(reach, to.gradient);
     return r.value - to.range;
   }
 

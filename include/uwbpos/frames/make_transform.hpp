@@ -10,6 +10,7 @@
 #include <cmath>
 #include <type_traits>
 
+#include "uwbpos/core/covariance.hpp"
 #include "uwbpos/core/result.hpp"
 #include "uwbpos/frames/transform.hpp"
 
@@ -61,21 +62,6 @@ template <class S, int D>
   a_T_b.rotation = orthonormalised<S, D>(product(turn, a_T_b.rotation));
   a_T_b.translation += xi.template head<D>();
   return a_T_b;
-}
-
-/// Whether each diagonal entry is a variance, the matrix symmetric and no correlation above one
-/// (rounding apart): what a covariance satisfies and a typing mistake mostly does not. Zeros pass.
-template <class S, int N>
-[[nodiscard]] bool looks_like_covariance(const Mat<S, N>& p) {
-  for (int j = 0; j < N; ++j) {
-    if (!(p(j, j) >= S(0))) return false;
-    for (int i = j + 1; i < N; ++i) {
-      const S bound = std::sqrt(p(i, i)) * std::sqrt(p(j, j));
-      if (!(std::abs(p(i, j)) <= S(1.001) * bound)) return false;
-      if (!(std::abs(p(i, j) - p(j, i)) <= S(1e-3) * bound)) return false;
-    }
-  }
-  return true;
 }
 
 /// The transform of a rotation matrix, a translation [m] and a covariance of (δt, θ), see

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <span>
 
+#include "uwbpos/core/covariance.hpp"
 #include "uwbpos/frames/subnet.hpp"
 
 namespace uwbpos {

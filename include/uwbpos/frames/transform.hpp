@@ -40,46 +40,6 @@ struct Transform {
   Mat<S, kTransformDof<D>> covariance = Mat<S, kTransformDof<D>>::Zero();
 };
 
-/// A · B, summed in order. No allocation.
-template <class S, int M, int K, int N>
-[[nodiscard]] Eigen::Matrix<S, M, N> product(const Eigen::Matrix<S, M, K>& a,
-                                             const Eigen::Matrix<S, K, N>& b) {
-  Eigen::Matrix<S, M, N> result;
-  for (int j = 0; j < N; ++j) {
-    for (int i = 0; i < M; ++i) {
-      S sum = a(i, 0) * b(0, j);
-      for (int k = 1; k < K; ++k) sum += a(i, k) * b(k, j);
-      result(i, j) = sum;
-    }
-  }
-  return result;
-}
-
-/// Aᵀ, entry by entry: Eigen's own makes g++ 12 warn of aliases that there are none.
-template <class S, int M, int N>
-[[nodiscard]] Eigen::Matrix<S, N, M> transposed(const Eigen::Matrix<S, M, N>& a) {
-  Eigen::Matrix<S, N, M> result;
-  for (int j = 0; j < N; ++j) {
-    for (int i = 0; i < M; ++i) result(j, i) = a(i, j);
-  }
-  return result;
-}
-
-/// A · P · Aᵀ of a symmetric P, exactly symmetric, summed in order. No allocation.
-template <class S, int M, int K>
-[[nodiscard]] Mat<S, M> congruence(const Eigen::Matrix<S, M, K>& a, const Mat<S, K>& p) {
-  const Eigen::Matrix<S, M, K> ap = product(a, p);
-  Mat<S, M> result;
-  for (int j = 0; j < M; ++j) {
-    for (int i = j; i < M; ++i) {
-      S sum = ap(i, 0) * a(j, 0);
-      for (int k = 1; k < K; ++k) sum += ap(i, k) * a(j, k);
-      result(i, j) = result(j, i) = sum;
-    }
-  }
-  return result;
-}
-
 /// Derivative of θ × r by θ.
 template <class S, int D>
 [[nodiscard]] Eigen::Matrix<S, D, kTurnDof<D>> turn_jacobian(const Vec<S, D>& r) {

@@ -9,9 +9,33 @@
 /// \f[ \partial h / \partial p = g^T, \qquad
 ///     \partial h / \partial \theta = g^T (\theta \times r)_\theta = (r \times g)^T. \f]
 
+#include <cmath>
+
 #include "uwbpos/core/linalg.hpp"
 
 namespace uwbpos {
+
+/// A heading ψ as what turns vectors: R(ψ), about z.
+template <class S>
+struct Turn {
+  S cosine;  ///< of the heading
+  S sine;    ///< of the heading
+};
+
+/// The turn by `heading` [rad]. A sine and a cosine, whose last bits differ by C library.
+template <class S>
+[[nodiscard]] Turn<S> turn_of(S heading) {
+  return {std::cos(heading), std::sin(heading)};
+}
+
+/// R(ψ) v: the vector `v` of a level body, in axes of the map; z stays. No allocation.
+template <class S, int D>
+[[nodiscard]] Vec<S, D> turned(const Turn<S>& turn, const Vec<S, D>& v) {
+  Vec<S, D> result = v;
+  result[0] = turn.cosine * v[0] - turn.sine * v[1];
+  result[1] = turn.sine * v[0] + turn.cosine * v[1];
+  return result;
+}
 
 /// r × g: the gradient with respect to a small turn of the body in axes of the map [1/rad × unit
 /// of h]. `arm`: r [m] in axes of the map; `gradient`: g. No allocation.
@@ -21,9 +45,9 @@ template <class S>
           arm[0] * gradient[1] - arm[1] * gradient[0]};
 }
 
-/// The third of these alone: the gradient with respect to the heading of a planar body.
-template <class S>
-[[nodiscard]] S heading_gradient(const Vec<S, 3>& arm, const Vec<S, 3>& gradient) {
+/// The third of these alone: the gradient with respect to the heading of a level body.
+template <class S, int D>
+[[nodiscard]] S heading_gradient(const Vec<S, D>& arm, const Vec<S, D>& gradient) {
   return arm[0] * gradient[1] - arm[1] * gradient[0];
 }
 

@@ -2,14 +2,12 @@
 #pragma once
 
 /// @file
-/// What planar motions share: the chord of an arc, and the place of a tag on a body in the plane.
-/// A body with constant velocity u in its own axes and turn rate ω moves in t by
+/// What planar motions share: the chord of an arc. A body with constant velocity u in its own axes
+/// and turn rate ω moves in t by
 /// \f[ \Delta p = t\,\mathrm{sinc}(h)\,R(m)\,u, \qquad h = \tfrac{\omega t}{2},\; m = \psi + h.
 ///     \tag{1} \f]
 
 #include <cmath>
-
-#include "uwbpos/core/linalg.hpp"
 
 namespace uwbpos {
 
@@ -30,14 +28,6 @@ template <class S>
   const S sinc = straight ? S(1) - half * half / S(6) : std::sin(half) / half;
   const S bend = straight ? -half / S(3) : (std::cos(half) - sinc) / half;
   return {sinc, bend, std::cos(heading + half), std::sin(heading + half)};
-}
-
-/// The lever arm [m] of a body that looks along `heading` [rad], in axes of the map.
-template <class S>
-[[nodiscard]] Vec<S, 3> planar_arm(S heading, const Vec<S, 3>& lever) {
-  const S c = std::cos(heading);
-  const S s = std::sin(heading);
-  return {c * lever[0] - s * lever[1], s * lever[0] + c * lever[1], lever[2]};
 }
 
 }  // namespace uwbpos

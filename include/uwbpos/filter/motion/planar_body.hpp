@@ -93,19 +93,19 @@ struct PlanarBody {
 
   /// Where the tag at `lever` [m], in the body's frame, is [m].
   [[nodiscard]] Vec<S, 3> place(const State& state, const Vec<S, 3>& lever) const {
-    const Vec<S, 3> arm = planar_arm<S>(state[2], lever);
+    const Vec<S, 3> arm = turned<S, 3>(turn_of(state[2]), lever);
     return {state[0] + arm[0], state[1] + arm[1], height + arm[2]};
   }
 
   /// The gradient of something that has gradient `g` with respect to the tag's place.
   [[nodiscard]] Vec<S, 3> place_row(const State& state, const Vec<S, 3>& lever,
                                     const Vec<S, 3>& g) const {
-    return {g[0], g[1], heading_gradient<S>(planar_arm<S>(state[2], lever), g)};
+    return {g[0], g[1], heading_gradient<S, 3>(turned<S, 3>(turn_of(state[2]), lever), g)};
   }
 
   /// In axes of the map [m/s].
   [[nodiscard]] Vec<S, 3> velocity(const State& state) const {
-    return planar_arm<S>(state[2], {state[3], state[4], S(0)});
+    return turned<S, 3>(turn_of(state[2]), {state[3], state[4], S(0)});
   }
 
   /// The gradient of its component `axis`.

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// What makes a matrix a covariance, for those that come in and those that go out.
+
+#include <algorithm>
+#include <cmath>
+
+#include "uwbpos/core/linalg.hpp"
+
+namespace uwbpos {
+
+/// Whether each diagonal entry is a variance, the matrix symmetric and no correlation above one
+/// (rounding apart): what a covariance satisfies and a typing mistake mostly does not. Zeros pass.
+template <class S, int N>
+[[nodiscard]] bool looks_like_covariance(const Mat<S, N>& p) {
+  Vec<S, N> sigma;
+  for (int i = 0; i < N; ++i) {
+    if (!(p(i, i) >= S(0))) return false;
+    sigma[i] = std::sqrt(p(i, i));
+    for (int j = 0; j < i; ++j) {
+      const S bound = sigma[i] * sigma[j];
+      if (!(std::abs(p(i, j)) <= S(1.001) * bound)) return false;
+      if (!(std::abs(p(i, j) - p(j, i)) <= S(1e-3) * bound)) return false;
+    }
+  }
+  return true;
+}
+
+/// A covariance of two errors, brought within what their standard deviations allow.
+template <class S>
+[[nodiscard]] S bounded(S covariance, S sigma_a, S sigma_b) {
+  const S bound = sigma_a * sigma_b;
+  return std::max(-bound, std::min(covariance, bound));
+}
+
+/// A propagated covariance without what rounding may leave of singular ones: variances below zero,
+/// correlations above one. The lower triangle is read. O(N²), no allocation.
+template <class S, int N>
+[[nodiscard]] Mat<S, N> without_rounding(Mat<S, N> p) {
+  Vec<S, N> sigma;
+  for (int i = 0; i < N; ++i) {
+    p(i, i) = std::max(p(i, i), S(0));
+    sigma[i] = std::sqrt(p(i, i));
+    for (int j = 0; j < i; ++j) p(i, j) = p(j, i) = bounded(p(i, j), sigma[i], sigma[j]);
+  }
+  return p;
+}
+
+}  // namespace uwbpos

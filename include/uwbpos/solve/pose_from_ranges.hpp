@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// Pose of a level body from the ranges of its tags, all at once: the minimum over (p, ψ) of
+/// \f[ \chi^2(p, \psi) = \sum_i (\rho_i - |p + R(\psi)\, l_i - a_i|)^2 / \sigma_i^2, \f]
+/// with the lever arms l, and so the distances between the tags, as knowledge. Source: posture of a
+/// mobile robot from two UWB tags (002), which locates each tag and then takes the arctangent.
+///
+/// The descent of pose_minima.hpp starts at the heading that the caller knows, at that of the
+/// linear system of heading_guess.hpp where it is sure, or else at every direction in turn; the
+/// minima found are compared, and one is answered only where the ranges, or the caller, tell it
+/// from its images: mirrored, or turned by 180°.
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "uwbpos/solve/pose_minima.hpp"
+
+namespace uwbpos {
+
+namespace detail {
+
+inline constexpr int kPoseHeadings = 12;
+
+/// The minimum to answer.
+template <class S, int D>
+Result<Minimum<S, D + 1>> lowest_minimum(const PoseProblem<S, D>& problem,
+                                         const PoseOptions<S, D>& options, int freedom) {
+  PoseMinima<S, D> minima;
+  std::optional<HeadingGuess<S>> guess;
+  if (options.heading) guess = {options.heading->value, options.heading->variance};
+  if (!problem.heading.pinned) {
+    const std::optional<HeadingGuess<S>> linear = guess_heading(problem);
+    if (linear && !(guess && guess->variance < linear->variance)) guess = linear;
+  }
+  if (guess) descend_at<S, D>(problem, guess->heading, minima);
+  const bool sure =
+      problem.heading.pinned || (guess && minima.best && problem.robust.loss == Loss::Squares &&
+                                 is_sure(*guess, minima.best->chi_squared, freedom));
+  for (int k = 0; k < kPoseHeadings && !sure; ++k) {
+    const S turn = S(2) * std::numbers::pi_v<S> * static_cast<S>(k) / S(kPoseHeadings);
+    descend_at<S, D>(problem, turn, minima);
+  }
+  // Where the linear system has c and s to within half the circle's radius there are no images,
+  // only noise: the lowest minimum is the likeliest pose.
+  const bool level = D == 2 || problem.height.pinned;
+  const bool determined = level && guess && guess->variance < S(0.25);
+  if (!minima.best || !minima.other || determined) return minima.best;
+
+  // Beside each other on the circle, relative to the anchors' centre, the images are compared.
+  const S circle = S(2) * std::numbers::pi_v<S> * problem.arm;
+  const S apart = std::remainder(minima.other->state[D] - minima.best->state[D], circle);
+  minima.other->state[D] = minima.best->state[D] + apart;
+  LocateOptions<S, D> relative{options.side, options.prior};
+  if (relative.prior) *relative.prior -= problem.center;
+  const S rounding = chi_squared_rounding<S>(problem.ranges, problem.largest);
+  return settle_images<S, D, D + 1>(minima.best, minima.other, relative, freedom, problem.largest,
+                                    rounding);
+}
+
+/// The covariance of (p, ψ) at a minimum: the inverse of the information, zero for what is known
+/// exactly. Error::DegenerateGeometry.
+template <class S, int D>
+Result<Mat<S, D + 1>> pose_covariance(PoseProblem<S, D> problem, const Vec<S, D + 1>& state) {
+  problem.heading.pinned = problem.heading.pinned && !(problem.heading.information > S(0));
+  problem.height.pinned = problem.height.pinned && !(problem.height.information > S(0));
+  const Ldlt<S, D + 1> factor{pose_normal<S, D>(problem, state).information};
+  if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
+  Mat<S, D + 1> covariance = factor.inverse();
+  for (int k = 0; k <= D; ++k) {
+    covariance(D, k) /= problem.arm;
+    covariance(k, D) /= problem.arm;
+  }
+  if (problem.heading.pinned) covariance(D, D) = S(0);
+  if (D == 3 && problem.height.pinned) covariance(D - 1, D - 1) = S(0);
+  return covariance;
+}
+
+template <class S, int D>
+Result<PoseFix<S, D>> solve_pose(TagRangeSpan<S, D> ranges, const PoseOptions<S, D>& options) {
+  if (const auto error = check_tag_ranges<S, D>(ranges)) return std::unexpected(*error);
+  if (const auto error = check_options(options)) return std::unexpected(*error);
+  const int known = (options.heading ? 1 : 0) + (options.height ? 1 : 0);
+  const int freedom = static_cast<int>(ranges.size()) + known - (D + 1);
+  if (ranges.empty() || freedom < 0) return std::unexpected(Error::TooFewMeasurements);
+  const Result<PoseProblem<S, D>> problem = pose_problem(ranges, options);
+  if (!problem) return std::unexpected(problem.error());
+  const Result<Minimum<S, D + 1>> found = lowest_minimum(*problem, options, freedom);
+  if (!found) return std::unexpected(found.error());
+  // Five standard deviations, where there is no redundancy to say which range it is.
+  if (freedom == 0 && found->chi_squared > S(25)) return std::unexpected(Error::InconsistentRanges);
+  const auto covariance = pose_covariance(*problem, found->state);
+  if (!covariance) return std::unexpected(covariance.error());
+
+  PoseFix<S, D> fix;
+  fix.pose.position = problem->center + found->state.template head<D>();
+  fix.pose.heading = wrap_angle(found->state[D] / problem->arm);
+  fix.pose.covariance = *covariance;
+  fix.chi_squared = found->chi_squared;
+  fix.degrees_of_freedom = freedom;
+  if (!all_finite(fix.pose.position) || !std::isfinite(fix.pose.heading) ||
+      !all_finite(fix.pose.covariance) || !std::isfinite(fix.chi_squared)) {
+    return std::unexpected(Error::NumericOverflow);
+  }
+  return fix;
+}
+
+}  // namespace detail
+
+/// Pose of a level body from up to 64 ranges of two tags or more (one, where `options.heading` is
+/// given), in the anchors' frame, with χ². Ranges of `TagRange<S, 2>` give (x, y, heading), those
+/// of `TagRange<S, 3>` (x, y, z, heading); with `options.height` z is known, and slant ranges need
+/// no projection. The pose is that of the origin of the lever arms. Covariance: inverse information
+/// of the ranges, weighted as the loss has it. O(n·D²) an evaluation, some 4 as a rule; where the
+/// linear system does not settle the heading, or with a robust loss, up to 24 descents. Some 8 kB
+/// of stack in double, 4 kB in float, no allocation.
+///
+/// Errors: those of `check_tag_ranges` (too many, not finite, bad sigma, negative);
+/// Error::TooFewMeasurements; Error::NotFinite, Error::InvalidOption for the options;
+/// Error::HeadingUndetermined, tags in one place and no heading given; Error::DegenerateGeometry,
+/// anchors that do not determine a pose; Error::AmbiguousSolution, two poses that explain the
+/// ranges; Error::InconsistentRanges, no pose explains as many ranges as unknowns;
+/// Error::NotConverged; Error::NumericOverflow.
+template <TagRangeSet R>
+[[nodiscard]] auto solve_pose(
+    const R& ranges,
+    const std::type_identity_t<PoseOptions<TagRangeScalar<R>, kTagRangeDimension<R>>>& options = {})
+    -> Result<PoseFix<TagRangeScalar<R>, kTagRangeDimension<R>>> {
+  return detail::solve_pose<TagRangeScalar<R>, kTagRangeDimension<R>>(as_tag_range_span(ranges),
+                                                                      options);
+}
+
+/// The pose alone of `solve_pose`, whose cost and errors are these: a `Pose2` in the plane, a
+/// `LevelPose` in space.
+template <TagRangeSet R>
+[[nodiscard]] auto pose_from_ranges(
+    const R& ranges,
+    const std::type_identity_t<PoseOptions<TagRangeScalar<R>, kTagRangeDimension<R>>>& options = {})
+    -> Result<PoseOf<TagRangeScalar<R>, kTagRangeDimension<R>>> {
+  const auto fix = solve_pose(ranges, options);
+  if (!fix) return std::unexpected(fix.error());
+  return fix->pose;
+}
+
+}  // namespace uwbpos

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// The normal equations of a pose, for the descent of newton.hpp. The state is (p, Lψ): a heading
+/// times the longest arm L is a length like the others. With A = (I, r') and G = (gᵀ, gᵀr') of
+/// model/tag_range.hpp the model's curvature is
+/// \f[ \frac{\partial^2 h}{\partial (p, \psi)^2} =
+///     \frac{A^T A - G\,G^T}{h} - (g^T r)_{xy}\, e_\psi e_\psi^T. \qquad (1) \f]
+
+#include <algorithm>
+
+#include "uwbpos/core/angle.hpp"
+#include "uwbpos/model/tag_range.hpp"
+#include "uwbpos/solve/newton.hpp"
+#include "uwbpos/solve/pose_problem.hpp"
+
+namespace uwbpos {
+
+/// The normal equations at `state`. O(n·D²), no allocation.
+template <class S, int D>
+[[nodiscard]] NormalEquations<S, D + 1> pose_normal(const PoseProblem<S, D>& problem,
+                                                    const Vec<S, D + 1>& state) {
+  constexpr int N = D + 1;
+  const S unit = S(1) / problem.arm;
+  const Turn<S> turn = turn_of(state[D] * unit);
+  const Vec<S, D> position = state.template head<D>();
+  NormalEquations<S, N> normal;
+  S bends = S(0);
+  S bends_x = S(0);
+  S bends_y = S(0);
+  S bends_turn = S(0);
+  for (const TagRange<S, D>& r : problem.ranges) {
+    const Vec<S, D> anchor = r.anchor - problem.center;
+    const auto predicted = predict_tag_range<S, D>(position, turn, r.lever_arm, anchor);
+    Vec<S, N> row;
+    for (int k = 0; k < D; ++k) row[k] = predicted.gradient[k];
+    row[D] = predicted.heading_gradient * unit;
+    const S inverse = S(1) / r.sigma;
+    const S residual = (r.range - predicted.range) * inverse;
+    const LossTerm<S> term = loss_term(problem.robust, residual);
+    const S weight = inverse * inverse;
+    const S pull = term.weight * residual * inverse;
+    normal.gradient += pull * row;
+    normal.chi_squared += term.cost;
+    const S bend = predicted.range > S(0) ? pull / predicted.range : S(0);
+    add_outer(normal.information, row, term.weight * weight);
+    add_outer(normal.hessian, row, (term.curvature - term.weight) * weight + bend);
+    // Aᵀ A and the last part of (1), summed.
+    const S ax = -predicted.arm[1] * unit;
+    const S ay = predicted.arm[0] * unit;
+    bends += bend;
+    bends_x += bend * ax;
+    bends_y += bend * ay;
+    const S outward = predicted.gradient[0] * ay - predicted.gradient[1] * ax;  // (gᵀr)_xy / L
+    bends_turn += bend * (ax * ax + ay * ay) - pull * outward * unit;
+  }
+  normal.hessian += normal.information;
+  for (int k = 0; k < D; ++k) normal.hessian(k, k) -= bends;
+  normal.hessian(D, 0) -= bends_x;
+  normal.hessian(D, 1) -= bends_y;
+  normal.hessian(D, D) -= bends_turn;
+
+  const auto know = [&](int k, const Knowledge<S>& known, S error) {
+    if (known.pinned) {
+      // No step along k, and no part of k in the others' steps.
+      const S any = normal.information.trace();
+      for (int i = 0; i < N; ++i) {
+        normal.information(std::max(i, k), std::min(i, k)) = S(0);
+        normal.hessian(std::max(i, k), std::min(i, k)) = S(0);
+      }
+      normal.information(k, k) = normal.hessian(k, k) = any;
+      normal.gradient[k] = S(0);
+    } else if (known.information > S(0)) {
+      normal.information(k, k) += known.information;
+      normal.hessian(k, k) += known.information;
+      normal.gradient[k] += known.information * error;
+      normal.chi_squared += known.information * error * error;
+    }
+  };
+  know(D, problem.heading,
+       angle_difference(problem.heading.value * unit, state[D] * unit) * problem.arm);
+  if constexpr (D == 3) know(2, problem.height, problem.height.value - state[2]);
+  return normal;
+}
+
+}  // namespace uwbpos
