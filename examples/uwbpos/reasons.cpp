@@ -81,6 +81,8 @@ std::string_view reason_name(Error error) {
       return "baseline_mismatch";
     case Error::HeadingUndetermined:
       return "heading_undetermined";
+    case Error::BearingUndefined:
+      return "bearing_undefined";
     case Error::UnknownAnchor:
       return "unknown_anchor";
     case Error::DuplicateAnchor:
