@@ -13,20 +13,23 @@
 namespace {
 
 using namespace uwbpos;
-using Point = Vec<float, 2>;
+using FloatPoint = Vec<float, 2>;
 
-constexpr float kBaseline = 0.6f;  // between the tags, across the robot's front [m]
-constexpr float kSigma = 0.03f;    // of a range [m]
+constexpr float kBaseline = 0.6f;     // between the tags, across the robot's front [m]
+constexpr float kRangeSigma = 0.03f;  // of a range [m]
 
 // The ranges of both tags to four anchors, left tag first.
-std::vector<TagRange<float, 2>> measure(const Point& position, float heading, sim::Random& random) {
-  const std::array anchors{Point{0, 0}, Point{10, 0}, Point{10, 8}, Point{0, 8}};
-  const std::array arms{Point{0, kBaseline / 2}, Point{0, -kBaseline / 2}};
+std::vector<TagRange<float, 2>> measure(const FloatPoint& position, float heading,
+                                        sim::Random& random) {
+  const std::array anchors{FloatPoint{0, 0}, FloatPoint{10, 0}, FloatPoint{10, 8},
+                           FloatPoint{0, 8}};
+  const std::array arms{FloatPoint{0, kBaseline / 2}, FloatPoint{0, -kBaseline / 2}};
   std::vector<TagRange<float, 2>> ranges;
-  for (const Point& arm : arms) {
-    for (const Point& anchor : anchors) {
+  for (const FloatPoint& arm : arms) {
+    for (const FloatPoint& anchor : anchors) {
       const float range = predict_tag_range(position, turn_of(heading), arm, anchor).range;
-      ranges.push_back({arm, anchor, range + kSigma * static_cast<float>(random.normal()), kSigma});
+      ranges.push_back(
+          {arm, anchor, range + kRangeSigma * static_cast<float>(random.normal()), kRangeSigma});
     }
   }
   return ranges;
