@@ -157,6 +157,13 @@ void add_solving(CLI::App& app, Arguments& a) {
       ->type_name("FILE")
       ->needs(app.get_option("--tdoa"));
   app.add_option("--bias", s.bias, "bias of each link (CSV, from calibrate)")->type_name("FILE");
+  app.add_option(
+         "--bias-network", s.bias_network,
+         "network of the links' biases (JSON, from\nexamples/bias_training/train.py); with several "
+         "tags")
+      ->type_name("FILE")
+      ->excludes(app.get_option("--bias"))
+      ->excludes(app.get_option("--tdoa"));
   add_choice<std::optional<int>>(app, "--dim", s.dim,
                                  "2: in the plane, 3: in space (default: 2 with\n--height or when "
                                  "all anchors are equally high,\nelse 3)",

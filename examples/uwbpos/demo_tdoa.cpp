@@ -50,8 +50,10 @@ sim::Subnet quadrant(int k) {
   Anchors<double, 3> anchors;
   const auto first = static_cast<std::uint32_t>(10 * (k + 1));
   auto id = first;
+  const int column = k % 2;
+  const int row = k / 2;
   for (const auto& [x, y, z] : places) {
-    known(anchors.add(id++, {kSide * (x + k % 2), kSide * (y + k / 2), z}));
+    known(anchors.add(id++, {kSide * (x + column), kSide * (y + row), z}));
   }
   return known(sim::make_subnet(anchors, first, degrees_to_radians(50.0 * k)));
 }

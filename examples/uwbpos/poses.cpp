@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "uwbpos/core/quaternion.hpp"
 #include "uwbpos/solve/pose_from_ranges.hpp"
 
 #include "replay.hpp"
@@ -96,6 +97,12 @@ class PoseSolver {
       ++body_.rejected[std::string{reason_name(fix.error())}];
       return;
     }
+    if constexpr (D == 3) {
+      if (site_.network && !without_network_bias(epoch, *fix)) {
+        ++body_.rejected["bias_not_settled"];
+        return;
+      }
+    }
     last_ = fix->pose.position;
     body_.chosen_by_prior += by_prior ? 1 : 0;
     body_.track.push_back({epoch.t, in_space(fix->pose), fix->chi_squared, fix->degrees_of_freedom,
@@ -110,6 +117,38 @@ class PoseSolver {
     body_.solve_seconds += taken.count();
     ++body_.solve_calls;
     return fix;
+  }
+
+  // Solves again with what the network says at the pose found taken off, until the pose stays.
+  bool without_network_bias(const Epoch& epoch, PoseFix<double, D>& fix)
+    requires(D == 3)
+  {
+    constexpr int most = 10;
+    constexpr double settled = 1e-4;  // [m]
+    for (int round = 0; round < most; ++round) {
+      const Vec3 before = fix.pose.position;
+      const double heading = fix.pose.heading;
+      const Mat<double, 3> map_R_body = rotation_matrix(quaternion_from_yaw(heading));
+      std::size_t unknown = 0;
+      for (std::size_t i = 0; i < ranges_.size(); ++i) {
+        const auto& [tag, anchor] = links_[epoch.readings[i].anchor];
+        const Vec3 offset = ranges_[i].anchor - (before + map_R_body * ranges_[i].lever_arm);
+        const auto bias = site_.network->bias(tag, anchor, offset, map_R_body);
+        ranges_[i].range = epoch.readings[i].range - bias.value_or(0);
+        unknown += bias ? 0 : 1;
+      }
+      PoseOptions<double, D> with_prior = options_;
+      with_prior.prior = before;
+      const auto next = timed_solve(with_prior);
+      if (!next) return false;
+      fix = *next;
+      const double turned = std::abs(angle_difference(fix.pose.heading, heading));
+      if ((fix.pose.position - before).norm() < settled && turned < settled) {
+        body_.without_bias += unknown;
+        return true;
+      }
+    }
+    return false;
   }
 
   static LevelPose<double> in_space(const PoseOf<double, D>& pose) {

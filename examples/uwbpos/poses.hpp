@@ -61,7 +61,8 @@ struct Body {
   std::size_t scored = 0;
   std::size_t chosen_by_prior = 0;
   std::size_t outside_truth = 0;
-  Counts rejected;  ///< epochs, by reason
+  std::size_t without_bias = 0;  ///< readings whose link the network does not know
+  Counts rejected;               ///< epochs, by reason
   ErrorSummary error;
   ErrorSummary heading_error;  ///< of absolute differences [rad]; `rmse_xy` as `rmse`
   double solve_seconds = 0;

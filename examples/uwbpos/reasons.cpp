@@ -100,6 +100,7 @@ std::string_view reason_words(std::string_view name) {
     const auto error = static_cast<Error>(i);
     if (reason_name(error) == name) return describe(error);
   }
+  if (name == "bias_not_settled") return "pose and the network's bias at it do not agree";
   if (name == "inconsistent") return "its measurements contradict one another beyond repair";
   if (name == "across_subnets") return "its two anchors belong to different subnets";
   return name;

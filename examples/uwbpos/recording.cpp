@@ -58,6 +58,9 @@ Recording read_recording(const Settings& settings, Problems& problems) {
     site.subnets = read_subnets(settings.subnets, settings.anchors, site.anchors, problems);
   }
   if (!settings.tags.empty()) site.tags = read_tags(settings.tags, problems);
+  if (!settings.bias_network.empty()) {
+    site.network = std::make_shared<const LinkNetwork>(settings.bias_network);
+  }
   if (!settings.bias.empty()) site.bias = read_bias(settings.bias, problems);
   if (!settings.truth.empty()) site.truth = read_trajectory(settings.truth, problems);
   PowerBiasTable power_table;
@@ -163,9 +166,12 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
     said.push_back(fmt::format("{} dropped: the same link and time as one before.",
                                count_of(replay.duplicates, "reading")));
   }
-  if (replay.without_bias > 0) {
-    said.push_back(fmt::format("{} of links that the bias file does not have, taken as unbiased.",
-                               count_of(replay.without_bias, "reading")));
+  const std::size_t without_bias =
+      replay.without_bias + (replay.body ? replay.body->without_bias : 0);
+  if (without_bias > 0) {
+    said.push_back(
+        fmt::format("{} of links that the bias file or network does not have, taken as unbiased.",
+                    count_of(without_bias, "reading")));
   }
   if (replay.never_together) {
     said.emplace_back(

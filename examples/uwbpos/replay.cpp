@@ -8,6 +8,8 @@
 #include "uwbpos/geometry/height.hpp"
 #include "uwbpos/solve/locate.hpp"
 
+#include "failure.hpp"
+
 namespace uwbpos::host {
 namespace {
 
@@ -274,6 +276,11 @@ Replay replay(Settings settings, const Site& site, const std::vector<Reading>& r
     residuals_against_truth(site, settings, flat, kept, result);
   }
   score(site, result);
+  if (site.network && (!has_pose(site, kept) || (result.dim == 2 && !settings.height))) {
+    throw Failure{
+        "--bias-network needs the body's attitude, so --tags with two or more lever arms, and "
+        "heights, so --height or --dim 3"};
+  }
   if (has_pose(site, kept)) {
     result.body = solve_poses(settings, site, result.dim, kept, progress);
     // Tags that are never heard together have positions all the same.

@@ -6,12 +6,14 @@
 
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include "epochs.hpp"
 #include "formats.hpp"
+#include "link_network.hpp"
 #include "poses.hpp"
 #include "reasons.hpp"
 #include "scoring.hpp"
@@ -81,7 +83,8 @@ struct Site {
   Points anchors;
   Points tags;  ///< lever arms; empty: each tag is the body's origin
   BiasTable bias;
-  Trajectory truth;          ///< of the body; empty: unknown
+  Trajectory truth;                                 ///< of the body; empty: unknown
+  std::shared_ptr<const LinkNetwork> network = {};  ///< of the links' biases, with poses
   SubnetTable subnets = {};  ///< of anchors whose differences are solved subnet by subnet
 };
 

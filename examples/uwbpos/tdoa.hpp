@@ -32,10 +32,11 @@ struct DifferenceRule {
 
 /// With a window from the command line, an epoch lasts that long. Without one: if three
 /// times in four come with enough differences for a position, the log stamps whole rounds, and an
-/// epoch is one time. Otherwise the tag moves while they come one by one: an epoch ends with the difference that
-/// makes 5·(dim + 1) of them, touching dim + 2 anchors, and lasts no longer than so many usually
-/// take, within 0.2 … 0.5 s. (A simulated drone at 1 … 3 m/s, 50 … 400 differences a second of
-/// σ 0.15 m, 7 % outliers: fewer differences let outliers through, more time blurs the motion.)
+/// epoch is one time. Otherwise the tag moves while they come one by one: an epoch ends with the
+/// difference that makes 5·(dim + 1) of them, touching dim + 2 anchors, and lasts no longer than so
+/// many usually take, within 0.2 … 0.5 s. (A simulated drone at 1 … 3 m/s, 50 … 400 differences a
+/// second of σ 0.15 m, 7 % outliers: fewer differences let outliers through, more time blurs the
+/// motion.)
 [[nodiscard]] DifferenceRule difference_rule(const std::vector<Difference>& differences, int dim,
                                              std::optional<double> window);
 
