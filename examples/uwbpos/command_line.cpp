@@ -279,6 +279,8 @@ void add_simulation(CLI::App& app, SimulateSettings& s) {
       ->needs(tdoa);
   app.add_option("--outliers", s.outliers, "share of --tdoa differences off by 0.5 to 4 m")
       ->type_name("P")
+      ->needs(tdoa)
+      ->check(finite())
       ->check(CLI::Range(0.0, 1.0).description(""))
       ->capture_default_str();
 }

@@ -179,8 +179,8 @@ TEST_CASE("network: trained on static poses it takes most of the bias off a driv
   const double by_medians = 1 - std::sqrt(less_median / raw);
   MESSAGE("rms range error of lias/mid down by " << 100 * by_network << " %; by per-link medians "
                                                  << 100 * by_medians << " %");
-  // Fifteen poses teach little more than constants of each kind of link; what they do teach shows in
-  // positions, tests/host/test_link_network.cpp.
+  // Fifteen poses teach little more than constants of each kind of link; what they do teach shows
+  // in positions, tests/host/test_link_network.cpp.
   CHECK(by_network > 0.55);
 }
 
