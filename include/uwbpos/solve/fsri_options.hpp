@@ -95,4 +95,7 @@ inline constexpr S kWaveCost = S(3);
 template <class S>
 inline constexpr S kDoubtfulCost = S(5);
 
+/// How many positions one search solves for at most, a descent counted as four.
+inline constexpr int kMostSolutions = 16000;
+
 }  // namespace uwbpos

@@ -22,9 +22,6 @@
 
 namespace uwbpos {
 
-/// How many positions one search solves for at most, a descent counted as four.
-inline constexpr int kMostSolutions = 16000;
-
 /// The search itself; one object, one shot. About 1 kB, no allocation, recursion as deep as there
 /// are receivers.
 template <class S, int D>
@@ -151,11 +148,8 @@ class FsriSearch {
     const Lengths all = repaired(lengths_.size());
     ++solutions_;
     const Result<Roots> roots = pseudorange_roots<S, D>(all);
-    if (!roots || roots->count == 0) {
-      const Error error = roots ? Error::InconsistentRanges : roots.error();
-      if (first_error_ == Error::NoRepairFits) first_error_ = error;
-      return;
-    }
+    if (!roots) return unsolved(roots.error());
+    if (roots->count == 0) return note(Error::InconsistentRanges);
     const int disorder = waves_.out_of_order(lengths_.size());
     std::optional<Vec<S, D>> first;
     for (int i = 0; i < roots->count; ++i) {
@@ -168,9 +162,7 @@ class FsriSearch {
       }
       const Result<BiasedFix<S, D>> fix = polished(all, *roots, i);
       if (!fix) {
-        if (first_error_ == Error::NoRepairFits) first_error_ = fix.error();
-        const int moved = waves_.fewest_moved(lengths_.size());
-        unsolved_ = std::min(unsolved_, kWaveCost<S> * static_cast<S>(moved + disorder));
+        unsolved(fix.error());
         continue;
       }
       solved_ = true;
@@ -181,6 +173,14 @@ class FsriSearch {
       }
       first = fix->position;
     }
+  }
+
+  void note(Error e) { first_error_ = first_error_ == Error::NoRepairFits ? e : first_error_; }
+  // Waves that may be right, but whose position was not found.
+  void unsolved(Error error) {
+    note(error);
+    const auto moved = static_cast<S>(waves_.fewest_moved(lengths_.size()));
+    unsolved_ = std::min(unsolved_, kWaveCost<S> * moved);
   }
 
   void keep(const FsriExplanation<S, D>& found) {
