@@ -83,8 +83,8 @@ struct Site {
   Points anchors;
   Points tags;  ///< lever arms; empty: each tag is the body's origin
   BiasTable bias;
-  Trajectory truth;                                 ///< of the body; empty: unknown
-  std::shared_ptr<const LinkNetwork> network = {};  ///< of the links' biases, with poses
+  Trajectory truth;                            ///< of the body; empty: unknown
+  std::shared_ptr<const LinkNetwork> network;  ///< of the links' biases, with poses
   SubnetTable subnets = {};  ///< of anchors whose differences are solved subnet by subnet
 };
 

@@ -16,6 +16,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstddef>
 #include <span>
 
@@ -81,7 +82,7 @@ struct BiasNetwork {
   [[nodiscard]] Result<S> operator()(const std::array<S, Inputs>& inputs) const {
     std::array<S, Inputs> z{};
     for (std::size_t i = 0; i < Inputs; ++i) {
-      if (!(inputs[i] - inputs[i] == S(0))) return std::unexpected(Error::NotFinite);
+      if (!std::isfinite(inputs[i])) return std::unexpected(Error::NotFinite);
       const S clamped = std::min(std::max(inputs[i], lowest[i]), highest[i]);
       z[i] = (clamped - mean[i]) * inverse_deviation[i];
     }
@@ -90,7 +91,7 @@ struct BiasNetwork {
     std::array<S, Second> h2 = second(h1);
     for (S& h : h2) h = h > S(0) ? h : S(0);
     const S bias = output(h2)[0];
-    if (!(bias - bias == S(0))) return std::unexpected(Error::NumericOverflow);
+    if (!std::isfinite(bias)) return std::unexpected(Error::NumericOverflow);
     return bias;
   }
 };
