@@ -60,7 +60,7 @@ template <class Layer, class In>
 std::vector<long double> plain(const Layer& layer, const In& input, bool rectified) {
   std::vector<long double> sums;
   for (std::size_t k = 0; k < layer.biases.size(); ++k) {
-    long double sum = layer.biases[k];
+    auto sum = static_cast<long double>(layer.biases[k]);
     for (std::size_t i = 0; i < input.size(); ++i) {
       sum += static_cast<long double>(layer.weights[i][k]) * static_cast<long double>(input[i]);
     }
@@ -79,7 +79,8 @@ TEST_CASE_TEMPLATE("network: the same as written out in long double", S, float, 
     for (S& x : inputs) x = random.chance(0.3) ? S(0) : static_cast<S>(random.uniform(-2, 2));
     std::array<long double, 5> z;
     for (std::size_t i = 0; i < 5; ++i) {
-      z[i] = (static_cast<long double>(inputs[i]) - network.mean[i]) * network.inverse_deviation[i];
+      z[i] = (static_cast<long double>(inputs[i]) - static_cast<long double>(network.mean[i])) *
+             static_cast<long double>(network.inverse_deviation[i]);
     }
     const auto h2 = plain(network.second, plain(network.first, z, true), true);
     const auto expected = static_cast<double>(plain(network.output, h2, false)[0]);
