@@ -108,10 +108,7 @@ double off_line(const Vec2& position) {
 }
 
 std::optional<std::string> drive_svg(const std::vector<DriveStep>& drive) {
-  std::string script =
-      "set terminal svg size 640,860 dynamic enhanced font 'sans-serif,13' background '#ffffff'\n"
-      "set encoding utf8\nset grid lc rgb '#e2e5ea'\nset border 3\nset tics nomirror\n"
-      "set lmargin 9\nset key above\n";
+  std::string script = picture_preamble(860) + "set lmargin 9\n";
   std::string way;
   std::string solved;
   std::string arrows;
@@ -128,11 +125,11 @@ std::optional<std::string> drive_svg(const std::vector<DriveStep>& drive) {
     arrows += fmt::format("{:.4f} {:.4f} {:.4f} {:.4f}\n", at.x(), at.y(),
                           0.5 * std::cos(step.pose.heading), 0.5 * std::sin(step.pose.heading));
   }
-  script += fmt::format(
-      "$way << EOD\n{}EOD\n$solved << EOD\n{}EOD\n$arrows << EOD\n{}EOD\n$off << EOD\n{}EOD\n", way,
-      solved, arrows, off);
+  script += data_block("way", way) + data_block("solved", solved) + data_block("arrows", arrows) +
+            data_block("off", off) + data_block("stations", "0 0\n0 8\n8 0\n") +
+            data_block("target", "8 8\n");
   script +=
-      "$stations << EOD\n0 0\n0 8\n8 0\nEOD\n$target << EOD\n8 8\nEOD\nset multiplot\n"
+      "set multiplot\n"
       "set size 1,0.66\nset origin 0,0.34\nset xlabel 'x [m]'\nset ylabel 'y [m]'\n"
       "set size ratio -1\nset xrange [-0.6:9]\nset yrange [-0.6:9]\n"
       "plot $arrows using 1:2:3:4 with vectors head filled lw 1.5 lc rgb '#d97706' title "

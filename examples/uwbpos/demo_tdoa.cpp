@@ -194,17 +194,15 @@ BuildingWalk walk_through_building(std::uint64_t seed) {
 }
 
 std::optional<std::string> building_svg(const BuildingWalk& walk) {
-  std::string script =
-      "set terminal svg size 640,680 dynamic enhanced font 'sans-serif,13' background '#ffffff'\n"
-      "set encoding utf8\nset size ratio -1\nset grid lc rgb '#e2e5ea'\nset border 3\n"
-      "set tics nomirror\nset xlabel 'x [m]'\nset ylabel 'y [m]'\nset key above\n"
-      "set xrange [-2:42]\nset yrange [-2:42]\n"
-      "set arrow from 20,-2 to 20,42 nohead dt 2 lc rgb '#8a95a3'\n"
-      "set arrow from -2,20 to 42,20 nohead dt 2 lc rgb '#8a95a3'\n";
+  std::string script = picture_preamble(680) +
+                       "set size ratio -1\nset xlabel 'x [m]'\nset ylabel 'y [m]'\n"
+                       "set xrange [-2:42]\nset yrange [-2:42]\n"
+                       "set arrow from 20,-2 to 20,42 nohead dt 2 lc rgb '#8a95a3'\n"
+                       "set arrow from -2,20 to 42,20 nohead dt 2 lc rgb '#8a95a3'\n";
   const auto block = [&](std::string_view name, const std::vector<Point>& points) {
-    script += fmt::format("${} << EOD\n", name);
-    for (const Point& p : points) script += fmt::format("{:.3f} {:.3f}\n", p.x(), p.y());
-    script += "EOD\n";
+    std::string lines;
+    for (const Point& p : points) lines += fmt::format("{:.3f} {:.3f}\n", p.x(), p.y());
+    script += data_block(name, lines);
   };
   block("truth", walk.truth);
   block("track", walk.track);

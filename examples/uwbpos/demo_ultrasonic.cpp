@@ -135,14 +135,9 @@ std::string paper_table_text() {
 
 std::optional<std::string> paper_circle_svg() {
   const Circle circle = turn_once();
-  std::string script =
-      "set terminal svg size 640,640 dynamic enhanced font 'sans-serif,13' background '#ffffff'\n"
-      "set encoding utf8\nset size ratio -1\nset grid lc rgb '#e2e5ea'\nset border 3\n"
-      "set tics nomirror\nset xlabel 'x [cm]'\nset ylabel 'y [cm]'\nset key above\n"
-      "set xrange [-50:130]\nset yrange [-8:130]\n";
-  const auto block = [&](std::string_view name, const std::string& data) {
-    script += fmt::format("${} << EOD\n{}EOD\n", name, data);
-  };
+  std::string script = picture_preamble(640) +
+                       "set size ratio -1\nset xlabel 'x [cm]'\nset ylabel 'y [cm]'\n"
+                       "set xrange [-50:130]\nset yrange [-8:130]\n";
   std::string truth;
   for (int k = 0; k <= sim::kPaperShots; ++k) {
     const Vec2 at = 100 * sim::paper_emitter(k);
@@ -152,11 +147,9 @@ std::optional<std::string> paper_circle_svg() {
   for (const Vec2& at : four_receivers()) {
     receivers += fmt::format("{:.1f} {:.1f}\n", 100 * at.x(), 100 * at.y());
   }
-  block("truth", truth);
-  block("receivers", receivers);
-  block("conventional", circle.conventional.dots);
-  block("three", circle.three.dots);
-  block("four", circle.four.dots);
+  script += data_block("truth", truth) + data_block("receivers", receivers) +
+            data_block("conventional", circle.conventional.dots) +
+            data_block("three", circle.three.dots) + data_block("four", circle.four.dots);
   script +=
       "plot $truth with lines lc rgb '#8a95a3' lw 1.5 title 'true circle', "
       "$conventional with points pt 2 ps 0.6 lc rgb '#d97706' title 'conventional', "

@@ -94,6 +94,18 @@ std::optional<std::string> run_gnuplot(const std::string& script) {
   return svg;
 }
 
+std::string picture_preamble(int height) {
+  return fmt::format(
+      "set terminal svg size 640,{} dynamic enhanced font 'sans-serif,13' background '#ffffff'\n"
+      "set encoding utf8\nset grid lc rgb '#e2e5ea'\nset border 3\nset tics nomirror\n"
+      "set key above\n",
+      height);
+}
+
+std::string data_block(std::string_view name, std::string_view lines) {
+  return fmt::format("${} << EOD\n{}EOD\n", name, lines);
+}
+
 std::string ink(Ink colour) { return fmt::format("rgb '#0000{:02x}'", static_cast<int>(colour)); }
 
 std::string series_ink(std::size_t series) {

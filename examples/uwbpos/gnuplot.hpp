@@ -13,6 +13,12 @@ namespace uwbpos::host {
 /// Runs gnuplot on a script that plots to standard output; nothing if gnuplot is missing or fails.
 [[nodiscard]] std::optional<std::string> run_gnuplot(const std::string& script);
 
+/// How scripts begin whose picture stands in a file of its own, 640 wide.
+[[nodiscard]] std::string picture_preamble(int height);
+
+/// Data under the name `$name`, one point a line.
+[[nodiscard]] std::string data_block(std::string_view name, std::string_view lines);
+
 /// Names of the page's colours (CSS variables) and the colours that stand for them in scripts.
 enum class Ink : int { kText = 1, kMuted, kGrid, kTruth, kAnchor, kMark, kWorst, kSeries0 = 16 };
 

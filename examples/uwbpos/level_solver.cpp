@@ -66,11 +66,8 @@ Result<Fix<double, 2>> locate_level(Pairs pairs, double height,
     constexpr int most = 50;
     const auto found = minimise<double, 2>(evaluate, start, kSettled, most);
     if (!found) return;
-    const Ldlt<double, 2> factor{found->information};
-    if (!factor.positive_definite()) return;
-    // Ran away from the anchors, to where nothing changes any more; see tdoa_pairs.hpp.
-    const double away = (found->state - (low + high) / 2).squaredNorm();
-    if (away > 4 * extent * extent && factor.inverse().trace() > away) return;
+    const Vec<double, 2> from_middle = found->state - (low + high) / 2;
+    if (!is_determined<double, 2>(*found, from_middle, extent / 2)) return;
     if (!best || (found->chi_squared < best->chi_squared && !same(*found, *best))) {
       other = best;
       best = *found;

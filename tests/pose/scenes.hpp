@@ -45,13 +45,6 @@ std::vector<TagRange<S, D>> tag_ranges(const Vec<S, D>& position, S heading,
 /// [rad] bounds the heading's standard deviation at sigma 0.1 m, 0.5 m the position's.
 template <class S, int D>
 Scene<S, D> random_scene(sim::Random& random, int fewest, int most, double sharp = 0.5) {
-  const auto corner = [](double x, double y, double z) {
-    Vec<S, D> point;
-    point[0] = S(x);
-    point[1] = S(y);
-    if constexpr (D == 3) point[2] = S(z);
-    return point;
-  };
   for (;;) {
     std::vector<Vec<S, D>> arms;
     for (int tags = random.integer(2, 4); static_cast<int>(arms.size()) < tags;) {
@@ -64,10 +57,12 @@ Scene<S, D> random_scene(sim::Random& random, int fewest, int most, double sharp
     }
     std::vector<Vec<S, D>> anchors;
     for (int n = random.integer(fewest, most); n > 0; --n) {
-      anchors.push_back(random_in_box<S, D>(random, corner(0, 0, 0), corner(20, 15, 6)));
+      anchors.push_back(
+          random_in_box<S, D>(random, room_corner<S, D>(0, 0, 0), room_corner<S, D>(20, 15, 6)));
     }
     Scene<S, D> scene;
-    scene.position = random_in_box<S, D>(random, corner(-2, -2, 0), corner(22, 17, 3));
+    scene.position =
+        random_in_box<S, D>(random, room_corner<S, D>(-2, -2, 0), room_corner<S, D>(22, 17, 3));
     scene.heading = S(random.uniform(-std::numbers::pi, std::numbers::pi));
     scene.ranges = tag_ranges(scene.position, scene.heading, arms, anchors);
     const auto bound = pose_bound(scene.ranges, scene.position, scene.heading);

@@ -41,20 +41,14 @@ double dilution(const Room<S, D>& room) {
 template <class S, int D>
 Room<S, D> random_room(sim::Random& random, int fewest, int most, bool ceiling = false,
                        double worst = 20) {
-  const auto corner = [](double x, double y, double z) {
-    Vec<S, D> point;
-    point[0] = S(x);
-    point[1] = S(y);
-    if constexpr (D == 3) point[2] = S(z);
-    return point;
-  };
   for (;;) {
     const int n = random.integer(fewest, most);
     Room<S, D> room;
-    room.tag = random_in_box<S, D>(random, corner(-2, -2, ceiling ? 0 : -2),
-                                   corner(22, 17, ceiling ? 2.8 : 8));
+    room.tag = random_in_box<S, D>(random, room_corner<S, D>(-2, -2, ceiling ? 0 : -2),
+                                   room_corner<S, D>(22, 17, ceiling ? 2.8 : 8));
     for (int i = 0; i < n; ++i) {
-      Vec<S, D> anchor = random_in_box<S, D>(random, corner(0, 0, 0), corner(20, 15, 6));
+      Vec<S, D> anchor =
+          random_in_box<S, D>(random, room_corner<S, D>(0, 0, 0), room_corner<S, D>(20, 15, 6));
       if (ceiling) anchor[D - 1] = S(3);
       room.ranges.push_back({anchor, true_range(room.tag, anchor)});
     }

@@ -26,6 +26,16 @@ Vec<S, D> random_in_box(sim::Random& random, const Vec<S, D>& low, const Vec<S, 
   return point;
 }
 
+/// (x, y), or (x, y, z) in space.
+template <class S, int D>
+Vec<S, D> room_corner(double x, double y, double z) {
+  Vec<S, D> point;
+  point[0] = S(x);
+  point[1] = S(y);
+  if constexpr (D == 3) point[2] = S(z);
+  return point;
+}
+
 /// A point uniform in the cube [−half, half]^D.
 template <class S, int D>
 Vec<S, D> random_in_cube(sim::Random& random, S half) {

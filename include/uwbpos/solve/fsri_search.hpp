@@ -210,7 +210,7 @@ class FsriSearch {
   FsriPrice<S, D> price_;
   S cap_ = kUnlimited;  // what costs more is not looked at yet
   int solutions_ = 0;
-  S unsolved_ = kUnlimited;  // least cost, but for χ², of waves whose position was not found
+  S unsolved_ = kUnlimited;  // least price of moving waves whose position was not found
   bool solved_ = false;
   Error first_error_ = Error::NoRepairFits;
   FsriExplanation<S, D> best_ = FsriExplanation<S, D>::nothing();

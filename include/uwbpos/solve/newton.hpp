@@ -37,6 +37,18 @@ struct Minimum {
   S chi_squared;          ///< before the last, negligible step
 };
 
+/// Whether a minimum determines its state, `from_middle` [m] away from the middle of anchors that
+/// reach `reach` [m] around it. A descent that runs away comes to rest where nothing changes any
+/// more; a tag out there is known by its direction alone. O(N³), no allocation.
+template <class S, int N>
+[[nodiscard]] bool is_determined(const Minimum<S, N>& found, const Vec<S, N>& from_middle,
+                                 S reach) {
+  const Ldlt<S, N> factor{found.information};
+  if (!factor.positive_definite()) return false;
+  const S away = squared_norm<S, N>(from_middle);
+  return !(away > S(16) * reach * reach && factor.inverse().trace() > away);
+}
+
 /// Descends from `state` to the minimum in whose basin it lies. `evaluate(x)` returns the
 /// `NormalEquations` at x; `rounding` [m] is the shortest step that the scalar can tell.
 /// At most `max_iterations` steps, tried or taken; each costs one evaluation and O(N³).

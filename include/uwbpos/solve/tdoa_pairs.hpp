@@ -72,13 +72,7 @@ Result<Fix<S, D>> tdoa_least_squares(PairSpan<S, D> pairs, const LocateOptions<S
   // Keeps the two lowest minima that differ.
   const auto try_from = [&](const Vec<S, D>& start) {
     const Result<Minimum<S, D>> found = minimise<S, D>(evaluate, start, rounding, 100);
-    if (!found) return;
-    const Ldlt<S, D> factor{found->information};
-    if (!factor.positive_definite()) return;
-    // A descent that runs away from the anchors comes to rest where nothing changes any more. A tag
-    // out there is known by its direction alone.
-    const S away = squared_norm<S, D>(found->state);
-    if (away > S(16) * largest * largest && factor.inverse().trace() > away) return;
+    if (!found || !is_determined<S, D>(*found, found->state, largest)) return;
     const auto same = [&](const Result<Minimum<S, D>>& other) {
       return other && norm<S, D>(other->state - found->state) < S(1e-3) * largest;
     };
