@@ -314,9 +314,29 @@ TEST_CASE_TEMPLATE("what gives no pose is refused by name", S, float, double) {
   CHECK(error(good, {.heading = Measured<S>{S(1), S(-1)}}) == Error::InvalidOption);
   CHECK(error(good, {.height = Measured<S>{S(1), S(0)}}) == Error::InvalidOption);
   CHECK(error(good, {.robust = {Loss::Huber, S(-1)}}) == Error::InvalidOption);
+  // Tags 2.6 m apart on a body that is taken for one of 0.6 m: the pose with χ² is the caller's to
+  // judge, the pose alone is not.
+  std::vector<Vec<S, 2>> wide = two_arms<S>();
+  for (auto& arm : wide) arm *= S(1.3) / norm(arm);
+  ranges = test::tag_ranges<S, 2>({3, 2}, S(0.4), wide, corners<S>());
+  for (std::size_t i = 0; i < ranges.size(); ++i) ranges[i].lever_arm = good[i].lever_arm;
+  CHECK(error(ranges) == Error::InconsistentRanges);
+  CHECK(solve_pose(ranges)->chi_squared > S(100));
+  CHECK(pose_from_ranges(ranges, {.robust = {Loss::Cauchy, S(0)}}));
   // A body 6 m across between circles of 1 m.
   CHECK(error({{{0, 3}, {0, 0}, 1}, {{0, -3}, {20, 0}, 1}, {{0, 3}, {20, 8}, 1}}) ==
         Error::InconsistentRanges);
+}
+
+TEST_CASE("a tag at an anchor, whose noisy range may be below zero") {
+  auto ranges =
+      test::tag_ranges<double, 2>({0, 0}, 0, two_arms<double>(), {{0, 0}, {8, 0}, {0, 8}, {8, 8}});
+  const std::array measured{7.76224, 0.547475,   10.7495, 7.47593,
+                            7.87412, -0.0612745, 11.3864, 7.86611};
+  for (std::size_t i = 0; i < ranges.size(); ++i) ranges[i].range = measured[i];
+  const auto pose = pose_from_ranges(ranges);
+  REQUIRE(pose);
+  CHECK((pose->position - Vec<double, 2>{7.9357, 0.2452}).norm() < 0.2);
 }
 
 }  // namespace tests::solve_pose_from_ranges

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <doctest/doctest.h>
 
+#include "uwbpos/solve/locate.hpp"
 #include "uwbpos/solve/toa_least_squares.hpp"
 
 #include "solve/solver_laws.hpp"
@@ -104,6 +105,27 @@ TEST_CASE_TEMPLATE("least squares: a start on an anchor or in a row is no end", 
     REQUIRE(fix);
     CHECK((fix->position - Vec<S, 2>{4, 3}).norm() < S(1e-4));
   }
+}
+
+// Where χ² is bent, within twice sigma of an anchor, whose range may be below zero.
+TEST_CASE("least squares: a tag on an anchor, in noise") {
+  sim::Random random{"least squares on an anchor"};
+  int missing = 0;
+  int unlocated = 0;
+  for (int k = 0; k < 20000; ++k) {
+    auto ranges = test::ranges_between<double, 2>({0, 0}, test::four_corners<double>());
+    const Vec<double, 2> tag = ranges[1].anchor + test::random_in_cube<double, 2>(random, 0.2);
+    for (auto& r : ranges) {
+      // Farther below zero is Error::NegativeRange.
+      const double noise = std::max(random.normal(0, r.sigma), -4 * r.sigma);
+      r.range = norm<double, 2>(tag - r.anchor) + noise;
+    }
+    missing += toa_least_squares(ranges) ? 0 : 1;
+    unlocated += locate(ranges) ? 0 : 1;
+  }
+  // Of every 20,000 descents 330 ran out of steps where one does.
+  CHECK(missing <= 4);
+  CHECK(unlocated == 0);
 }
 
 }  // namespace tests::solve_toa_least_squares

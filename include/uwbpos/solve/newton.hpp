@@ -9,7 +9,8 @@
 ///     H \, \Delta x = \nabla. \qquad (1) \f]
 /// This is Newton's step: H adds to Gauss-Newton's J the curvature of the model, without which a
 /// tag near the anchors' plane takes tens of steps. Where H is not positive or its step does not
-/// help, J takes its place, as it is and then damped as Levenberg has it.
+/// help, J takes its place once; J creeps along a bent valley, such as the ring around an anchor
+/// close by, so after that it is H, damped as Levenberg has it.
 
 #include <algorithm>
 #include <cmath>
@@ -60,11 +61,13 @@ template <class S, int N, class Evaluate>
   constexpr S kLeastDamping = S(1e-3);
   constexpr S kMostDamping = S(1e6);
   NormalEquations<S, N> normal = evaluate(state);
-  bool newton = true;  // H; else J, damped
+  bool newton = true;    // the next step is H's; else J's, or with damping the damped H's
+  bool straight = true;  // the last step was H's
   S damping = S(0);
+  S last_damping = S(0);
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
     const S trace = normal.information.trace();
-    Mat<S, N> matrix = newton ? normal.hessian : normal.information;
+    Mat<S, N> matrix = newton || damping > S(0) ? normal.hessian : normal.information;
     for (int i = 0; i < N; ++i) matrix(i, i) += damping * trace;
     const Ldlt<S, N> factor{matrix};
     bool helps = factor.positive_definite();
@@ -88,12 +91,15 @@ template <class S, int N, class Evaluate>
       }
     }
     if (helps) {
+      straight = newton;
       newton = true;
+      if (damping > S(0)) last_damping = damping;
       damping = S(0);
-    } else if (newton) {
+    } else if (newton && straight) {
       newton = false;
     } else {
-      damping = std::max(damping * S(4), kLeastDamping);
+      newton = false;
+      damping = damping > S(0) ? damping * S(4) : std::max(last_damping / S(8), kLeastDamping);
       if (!(damping < kMostDamping)) break;
     }
   }

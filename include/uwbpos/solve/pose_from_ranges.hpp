@@ -17,6 +17,7 @@
 #include <limits>
 #include <numbers>
 
+#include "uwbpos/core/chi_squared.hpp"
 #include "uwbpos/solve/pose_minima.hpp"
 
 namespace uwbpos {
@@ -79,6 +80,18 @@ Result<Mat<S, D + 1>> pose_covariance(PoseProblem<S, D> problem, const Vec<S, D 
   return covariance;
 }
 
+/// Whether a pose leaves residuals that sigmas twice as great, and rounding, do not explain.
+template <class S, int D>
+bool contradicts(TagRangeSpan<S, D> ranges, const PoseFix<S, D>& fix) {
+  if (fix.degrees_of_freedom < 1) return false;
+  S largest = S(0);
+  for (const TagRange<S, D>& r : ranges) {
+    largest = std::max({largest, std::abs(r.range), norm(r.anchor), norm(fix.pose.position)});
+  }
+  const S allowed = S(4) * chi_squared_gate(fix.degrees_of_freedom, S(5));
+  return fix.chi_squared > allowed + chi_squared_rounding<S>(ranges, largest);
+}
+
 template <class S, int D>
 Result<PoseFix<S, D>> solve_pose(TagRangeSpan<S, D> ranges, const PoseOptions<S, D>& options) {
   if (const auto error = check_tag_ranges<S, D>(ranges)) return std::unexpected(*error);
@@ -122,7 +135,8 @@ Result<PoseFix<S, D>> solve_pose(TagRangeSpan<S, D> ranges, const PoseOptions<S,
 /// Error::TooFewMeasurements; Error::NotFinite, Error::InvalidOption for the options;
 /// Error::HeadingUndetermined, tags in one place and no heading given; Error::DegenerateGeometry,
 /// anchors that do not determine a pose; Error::AmbiguousSolution, two poses that explain the
-/// ranges; Error::InconsistentRanges, no pose explains as many ranges as unknowns;
+/// ranges; Error::InconsistentRanges, no pose explains as many ranges as unknowns (with more, χ²
+/// tells);
 /// Error::NotConverged; Error::NumericOverflow.
 template <TagRangeSet R>
 [[nodiscard]] auto solve_pose(
@@ -134,7 +148,9 @@ template <TagRangeSet R>
 }
 
 /// The pose alone of `solve_pose`, whose cost and errors are these: a `Pose2` in the plane, a
-/// `LevelPose` in space.
+/// `LevelPose` in space. Where no robust loss is asked for it judges what it does not return:
+/// Error::InconsistentRanges also if χ² is beyond five standard deviations for sigmas twice
+/// as great, as wrong lever arms, a wrong baseline or an outlier make it.
 template <TagRangeSet R>
 [[nodiscard]] auto pose_from_ranges(
     const R& ranges,
@@ -142,6 +158,10 @@ template <TagRangeSet R>
     -> Result<PoseOf<TagRangeScalar<R>, kTagRangeDimension<R>>> {
   const auto fix = solve_pose(ranges, options);
   if (!fix) return std::unexpected(fix.error());
+  if (options.robust.loss == Loss::Squares &&
+      detail::contradicts(as_tag_range_span(ranges), *fix)) {
+    return std::unexpected(Error::InconsistentRanges);
+  }
   return fix->pose;
 }
 

@@ -37,7 +37,8 @@ template <class S, int D>
     for (int k = 0; k < D; ++k) row[k] = predicted.gradient[k];
     row[D] = predicted.heading_gradient * unit;
     const S inverse = S(1) / r.sigma;
-    const S residual = (r.range - predicted.range) * inverse;
+    // A range below zero would be a cusp at the anchor.
+    const S residual = (std::max(r.range, S(0)) - predicted.range) * inverse;
     const LossTerm<S> term = loss_term(problem.robust, residual);
     const S weight = inverse * inverse;
     const S pull = term.weight * residual * inverse;

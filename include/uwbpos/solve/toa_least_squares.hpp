@@ -8,6 +8,8 @@
 /// cov(p) = J⁻¹. All of it relative to the anchors' centre, because a float has 24 bits and squares
 /// of building coordinates eat them.
 
+#include <algorithm>
+
 #include "uwbpos/model/range.hpp"
 #include "uwbpos/solve/fix.hpp"
 #include "uwbpos/solve/newton.hpp"
@@ -50,7 +52,7 @@ template <class S, int D>
     const Vec<S, D> anchor = r.anchor - center;
     const RangePrediction<S, D> predicted = predict_range(position, anchor);
     const S weight = S(1) / (r.sigma * r.sigma);
-    const S residual = r.range - predicted.range;
+    const S residual = std::max(r.range, S(0)) - predicted.range;  // no cusp at the anchor
     const S weighted = residual * weight;
     add_outer(normal.information, predicted.gradient, weight);
     normal.gradient += weighted * predicted.gradient;
