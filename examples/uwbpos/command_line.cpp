@@ -54,12 +54,14 @@ constexpr const char* kReplayFooter =
 
 // All numbers but NaN; `inf` too where it makes sense.
 CLI::Validator above_zero() {
-  return CLI::Validator{
-      [](std::string& text) -> std::string {
-        const double value = std::strtod(text.c_str(), nullptr);
-        return value > 0 ? "" : fmt::format("expected a number above zero, got {}", text);
-      },
-      "", "above zero"};
+  return CLI::Validator{[](std::string& text) -> std::string {
+                          const double value = std::strtod(text.c_str(), nullptr);
+                          return value > 0 && std::isfinite(value)
+                                     ? ""
+                                     : fmt::format("expected a finite number above zero, got {}",
+                                                   text);
+                        },
+                        "", "above zero"};
 }
 
 CLI::Validator finite() {
@@ -72,11 +74,12 @@ CLI::Validator finite() {
 }
 
 CLI::Validator not_negative() {
-  return CLI::Validator{[](std::string& text) -> std::string {
-                          const double value = std::strtod(text.c_str(), nullptr);
-                          return value >= 0 ? "" : "expected zero or more, got " + text;
-                        },
-                        "", "not negative"};
+  return CLI::Validator{
+      [](std::string& text) -> std::string {
+        const double value = std::strtod(text.c_str(), nullptr);
+        return value >= 0 && std::isfinite(value) ? "" : "expected zero or more, got " + text;
+      },
+      "", "not negative"};
 }
 
 // An option that names one of a few things.

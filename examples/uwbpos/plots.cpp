@@ -224,12 +224,17 @@ Figure target_figure(const std::vector<SeenTarget>& seen) {
                 "axis, to the left.");
 }
 
-Figure map_figure(const Replay& replay, const Points& anchors) {
+Figure map_figure(const Replay& replay, const Points& anchors,
+                  const std::optional<Vec<double, 2>>& target) {
   Range x;
   Range y;
   for (const auto& [id, position] : anchors) {
     x.include(position.x());
     y.include(position.y());
+  }
+  if (target) {
+    x.include(target->x());
+    y.include(target->y());
   }
   std::vector<double> xs;
   std::vector<double> ys;
@@ -287,6 +292,7 @@ Figure map_figure(const Replay& replay, const Points& anchors) {
   }
   const bool with_headings = replay.body && !replay.body->track.empty();
   if (with_headings) data += heading_arrows(*replay.body, 0.05 * std::max(x.length(), y.length()));
+  if (target) line(data, "$target << EOD\n{:.4f} {:.4f}\nEOD", target->x(), target->y());
   std::string script = preamble(width, height) + data;
   line(script, "set size ratio -1\nset xrange [{:.4f}:{:.4f}]\nset yrange [{:.4f}:{:.4f}]", x.low,
        x.high, y.low, y.high);
@@ -313,6 +319,10 @@ Figure map_figure(const Replay& replay, const Points& anchors) {
     line(script,
          "$headings using 1:2:3:4 with vectors head size screen 0.012,22 filled lc {} lw 1.3 "
          "title 'heading', \\",
+         ink(Ink::kMark));
+  }
+  if (target) {
+    line(script, "$target using 1:2 with points pt 2 ps 1.3 lw 2.5 lc {} title 'target', \\",
          ink(Ink::kMark));
   }
   line(script, "$anchors using 1:2 with points pt 9 ps 1.1 lc {} title 'anchor', \\",

@@ -22,7 +22,8 @@ struct Figure {
 };
 
 /// Plan view to scale: anchors, truth and track.
-[[nodiscard]] Figure map_figure(const Replay& replay, const Points& anchors);
+[[nodiscard]] Figure map_figure(const Replay& replay, const Points& anchors,
+                                const std::optional<Vec<double, 2>>& target = {});
 /// The same replay as figures draw it: with a body, its origin in place of the tags.
 [[nodiscard]] Replay drawn(const Replay& replay);
 /// Error of each heading over time.

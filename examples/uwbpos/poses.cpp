@@ -337,14 +337,17 @@ std::string target_csv(const std::vector<SeenTarget>& seen) {
 std::string target_table(const std::vector<SeenTarget>& seen, const Vec<double, 2>& target) {
   if (seen.empty()) return "";
   constexpr std::size_t rows = 20;
-  std::string text = fmt::format("\ntarget at ({:g}, {:g}) m\n{:>12}{:>14}{:>16}\n", target.x(),
-                                 target.y(), "time [s]", "distance [m]", "bearing [deg]");
+  std::string text =
+      fmt::format("\ntarget at ({:g}, {:g}) m\n{:>12}{:>14}{:>8}{:>16}{:>8}\n", target.x(),
+                  target.y(), "time [s]", "distance [m]", "sigma", "bearing [deg]", "sigma");
   const std::size_t count = std::min(rows, seen.size());
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t place = count == 1 ? 0 : i * (seen.size() - 1) / (count - 1);
     const auto& [t, at] = seen[place];
-    text += fmt::format("{:>12.3f}{:>14.3f}{:>16.1f}   {}\n", t, at.distance,
-                        radians_to_degrees(at.bearing), at.ahead ? "ahead" : "behind");
+    text += fmt::format("{:>12.3f}{:>14.3f}{:>8.3f}{:>16.1f}{:>8.1f}   {}\n", t, at.distance,
+                        std::sqrt(at.distance_variance), radians_to_degrees(at.bearing),
+                        radians_to_degrees(std::sqrt(at.bearing_variance)),
+                        at.ahead ? "ahead" : "behind");
   }
   return text;
 }

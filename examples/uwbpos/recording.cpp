@@ -2,11 +2,13 @@
 #include "recording.hpp"
 
 #include <algorithm>
+#include <iterator>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include "failure.hpp"
+#include "pose_remarks.hpp"
 
 namespace uwbpos::host {
 namespace {
@@ -57,7 +59,10 @@ Recording read_recording(const Settings& settings, Problems& problems) {
   if (!settings.subnets.empty()) {
     site.subnets = read_subnets(settings.subnets, settings.anchors, site.anchors, problems);
   }
-  if (!settings.tags.empty()) site.tags = read_tags(settings.tags, problems);
+  if (!settings.tags.empty()) {
+    site.tags = read_tags(settings.tags, problems);
+    if (site.tags.empty()) throw Failure{fmt::format("{}: holds no tag", settings.tags.string())};
+  }
   if (!settings.bias_network.empty()) {
     site.network = std::make_shared<const LinkNetwork>(settings.bias_network);
   }
@@ -173,26 +178,7 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
         fmt::format("{} of links that the bias file or network does not have, taken as unbiased.",
                     count_of(without_bias, "reading")));
   }
-  if (replay.never_together) {
-    said.emplace_back(
-        "No epoch holds ranges of two tags that give a pose: positions are those of the tags.");
-  }
-  if (replay.body && replay.body->chosen_by_prior > 0) {
-    said.push_back(fmt::format("{} settled between two poses by the body's last position.",
-                               count_of(replay.body->chosen_by_prior, "epoch")));
-  }
-  const auto parts = replay.body ? parts_of_heading_error(*replay.body) : std::nullopt;
-  if (parts && parts->slow > parts->noise / 2) {
-    said.push_back(fmt::format(
-        "Headings are off by {:.1f}° rms that change from epoch to epoch, which is noise, and by "
-        "{:.1f}° that do not: {}.",
-        radians_to_degrees(parts->noise), radians_to_degrees(parts->slow),
-        recording.site.bias.empty()
-            ? "biases of the links, if arms and truth are right; uwbpos calibrate finds their "
-              "constant part"
-            : "what a constant for each link cannot take away, such as a bias that depends on the "
-              "way the body looks"));
-  }
+  std::ranges::move(pose_remarks(recording.site, replay), std::back_inserter(said));
   if (replay.chosen_by_prior > 0) {
     said.push_back(fmt::format("{} settled between two mirror images by the tag's last position.",
                                count_of(replay.chosen_by_prior, "epoch")));

@@ -136,7 +136,7 @@ std::string rejected_table(const Counts& rejected, std::string_view what) {
 std::string findings(const Settings& settings, const Recording& recording, const Replay& replay) {
   const std::vector<AnchorQuality> worst_first = anchor_qualities(replay);
   const Replay view = drawn(replay);
-  std::string left = figure(map_figure(view, recording.site.anchors));
+  std::string left = figure(map_figure(view, recording.site.anchors, settings.target));
   std::string right;
   if (view.all.scored > 0) right = figure(time_figure(view)) + figure(distribution_figure(view));
   if (replay.dim == 3) left += figure(height_figure(view));

@@ -12,7 +12,9 @@
 #include <doctest/doctest.h>
 #include <failure.hpp>
 #include <nlohmann/json.hpp>
+#include <pose_remarks.hpp>
 #include <poses.hpp>
+#include <recording.hpp>
 #include <replay.hpp>
 
 #include "host/files.hpp"
@@ -149,6 +151,33 @@ TEST_CASE("Poses need two tags apart: one tag, or two in one place, are position
   settings.only_tags.clear();
   site.tags = {{0, {0.1, 0, 0.2}}, {1, {0.1, 0, -0.2}}};
   CHECK_FALSE(replay(settings, site, exact_readings(site)).body);
+}
+
+TEST_CASE("What keeps a recording from poses, or from fitting them, is said") {
+  Recording recording;
+  recording.site = circle_site();
+  Site& site = recording.site;
+  const std::vector<Reading> readings = exact_readings(site);
+  Settings settings;
+  settings.height = 1;
+  const auto says = [&](const std::string& words) {
+    const Replay result = replay(settings, site, readings);
+    const auto said = pose_remarks(site, result);
+    return std::ranges::any_of(said, [&](const auto& s) { return s.contains(words); });
+  };
+  const Points right = site.tags;
+  CHECK(pose_remarks(site, replay(settings, site, readings)).empty());
+  // Arms twice as long as they are, and eight times.
+  for (auto& [tag, arm] : site.tags) arm.head<2>() *= 2;
+  CHECK(says("0.60 m apart, by the tags file 1.20 m"));
+  CHECK_FALSE(says("times worse than their sigma"));
+  for (auto& [tag, arm] : site.tags) arm.head<2>() *= 4;
+  CHECK(says("times worse than their sigma"));
+  site.tags = {{0, {0.1, 0, 0.2}}, {1, {0.1, 0, -0.2}}};
+  CHECK(says("one place in plan"));
+  site.tags = right;
+  settings.only_tags = {7};
+  CHECK(says("only tag 7 was heard"));
 }
 
 std::vector<std::string> arguments(const char* command, const std::filesystem::path& lias,
