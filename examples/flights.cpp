@@ -159,9 +159,10 @@ int tell() {
       less_medians.push_back(e.bias[i] - median);
     }
   }
-  std::printf("bias of %.1f m peak to peak, on an unseen flight: %.3f m rms, less a constant for "
-              "each link %.3f m\n",
-              peak_to_peak, root_mean_square(raw), root_mean_square(less_medians));
+  std::printf(
+      "bias of %.1f m peak to peak, on an unseen flight: %.3f m rms, less a constant for "
+      "each link %.3f m\n",
+      peak_to_peak, root_mean_square(raw), root_mean_square(less_medians));
   return 0;
 }
 

@@ -33,22 +33,21 @@ struct AntennaPattern {
     const double y = u(1);
     const double z = u(2);
     // Normalised to a mean square of one over the sphere.
-    const std::array<double, 15> harmonics{
-        std::sqrt(3.0) * x,
-        std::sqrt(3.0) * y,
-        std::sqrt(3.0) * z,
-        std::sqrt(15.0) * x * y,
-        std::sqrt(15.0) * y * z,
-        std::sqrt(15.0) * z * x,
-        std::sqrt(15.0) / 2 * (x * x - y * y),
-        std::sqrt(5.0) / 2 * (3 * z * z - 1),
-        std::sqrt(17.5) / 2 * y * (3 * x * x - y * y),
-        std::sqrt(105.0) * x * y * z,
-        std::sqrt(10.5) / 2 * y * (5 * z * z - 1),
-        std::sqrt(7.0) / 2 * z * (5 * z * z - 3),
-        std::sqrt(10.5) / 2 * x * (5 * z * z - 1),
-        std::sqrt(105.0) / 2 * z * (x * x - y * y),
-        std::sqrt(17.5) / 2 * x * (x * x - 3 * y * y)};
+    const std::array<double, 15> harmonics{std::sqrt(3.0) * x,
+                                           std::sqrt(3.0) * y,
+                                           std::sqrt(3.0) * z,
+                                           std::sqrt(15.0) * x * y,
+                                           std::sqrt(15.0) * y * z,
+                                           std::sqrt(15.0) * z * x,
+                                           std::sqrt(15.0) / 2 * (x * x - y * y),
+                                           std::sqrt(5.0) / 2 * (3 * z * z - 1),
+                                           std::sqrt(17.5) / 2 * y * (3 * x * x - y * y),
+                                           std::sqrt(105.0) * x * y * z,
+                                           std::sqrt(10.5) / 2 * y * (5 * z * z - 1),
+                                           std::sqrt(7.0) / 2 * z * (5 * z * z - 3),
+                                           std::sqrt(10.5) / 2 * x * (5 * z * z - 1),
+                                           std::sqrt(105.0) / 2 * z * (x * x - y * y),
+                                           std::sqrt(17.5) / 2 * x * (x * x - 3 * y * y)};
     double sum = 0;
     for (std::size_t i = 0; i < harmonics.size(); ++i) sum += coefficients[i] * harmonics[i];
     return sum;
