@@ -12,6 +12,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <numbers>
 #include <vector>
 
 #include <uwbpos/sim/antenna_pattern.hpp>
@@ -130,7 +131,7 @@ int write(const std::filesystem::path& directory, std::uint64_t number, double s
       const double bias = e.bias[i] - e.bias[0];
       const double noise = arrival_noise.normal(0, sigma) - arrival;
       std::fprintf(tdoa.stream, "%.3f,0,%zu,%.4f,%.4f,%.5f\n", e.t, i,
-                   e.range[i] - e.range[0] + bias + noise, 1.4142135623730951 * sigma, bias);
+                   e.range[i] - e.range[0] + bias + noise, std::numbers::sqrt2 * sigma, bias);
     }
   }
   return 0;

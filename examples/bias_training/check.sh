@@ -27,6 +27,7 @@ for kind in ranges tdoa; do
     "--$kind" "$(log 1)" "$(log 2)" --truth "$(truth 1)" "$(truth 2)" \
     --unseen "$(log 3)" "$(log 4)" --unseen-truth "$(truth 3)" "$(truth 4)" --expect 48 \
     --alpha 3 --examples 4000 --iterations 150 --out "$work/net" "$@"
+  # shellcheck disable=SC2054 # a point, not a list
   replay=("$uwbpos" replay --anchors "$work/3/anchors.csv" "--$kind" "$(log 3)"
     --truth "$(truth 3)" --dim 3 --prior 5,4,1.7)
   "${replay[@]}" --out "$work/raw" >"$work/said" 2>&1 || { cat "$work/said"; exit 1; }

@@ -84,9 +84,9 @@ struct Site {
   Points tags;  ///< lever arms; empty: each tag is the body's origin
   BiasTable bias;
   Trajectory truth;                            ///< of the body; empty: unknown
-  Trajectory attitude = {};                    ///< of the body, its rotations; empty: unknown
   std::shared_ptr<const LinkNetwork> network;  ///< of the links' biases, with poses
   SubnetTable subnets = {};  ///< of anchors whose differences are solved subnet by subnet
+  Trajectory attitude;       ///< of the body, its rotations; empty: unknown
 };
 
 /// 2 or 3: as the settings say; else 2 when the tags' height is given or all anchors are equally

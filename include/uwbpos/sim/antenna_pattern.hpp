@@ -15,6 +15,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <numbers>
 
 #include "uwbpos/core/quaternion.hpp"
 #include "uwbpos/core/types.hpp"
@@ -33,9 +34,9 @@ struct AntennaPattern {
     const double y = u(1);
     const double z = u(2);
     // Normalised to a mean square of one over the sphere.
-    const std::array<double, 15> harmonics{std::sqrt(3.0) * x,
-                                           std::sqrt(3.0) * y,
-                                           std::sqrt(3.0) * z,
+    const std::array<double, 15> harmonics{std::numbers::sqrt3 * x,
+                                           std::numbers::sqrt3 * y,
+                                           std::numbers::sqrt3 * z,
                                            std::sqrt(15.0) * x * y,
                                            std::sqrt(15.0) * y * z,
                                            std::sqrt(15.0) * z * x,
