@@ -163,10 +163,14 @@ void add_solving(CLI::App& app, Arguments& a) {
   app.add_option(
          "--bias-network", s.bias_network,
          "network of the links' biases (JSON, from\nexamples/bias_training/train.py); with several "
-         "tags")
+         "tags,\nor --attitude")
       ->type_name("FILE")
-      ->excludes(app.get_option("--bias"))
-      ->excludes(app.get_option("--tdoa"));
+      ->excludes(app.get_option("--bias"));
+  app.add_option("--attitude", s.attitude,
+                 "how the body lies over time, as from an inertial\nunit (TUM; positions are not "
+                 "used), for\n--bias-network with one tag or --tdoa")
+      ->type_name("FILE")
+      ->needs(app.get_option("--bias-network"));
   add_choice<std::optional<int>>(app, "--dim", s.dim,
                                  "2: in the plane, 3: in space (default: 2 with\n--height or when "
                                  "all anchors are equally high,\nelse 3)",

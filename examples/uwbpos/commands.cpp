@@ -10,6 +10,7 @@
 #include "command_line.hpp"
 #include "diagnosis.hpp"
 #include "failure.hpp"
+#include "network_bias.hpp"
 #include "output.hpp"
 #include "progress.hpp"
 #include "report.hpp"
@@ -91,9 +92,16 @@ int run_replay(const Settings& settings) {
   if (!recording.site.anchors.empty()) {
     Progress progress{"solving"};
     const auto told = [&](std::size_t done, std::size_t of) { progress(done, of); };
-    result = recording.differences.empty()
-                 ? replay(settings, recording.site, recording.readings, told)
-                 : replay_differences(settings, recording.site, recording.differences, told);
+    const Site& site = recording.site;
+    if (site.network && !site.attitude.empty()) {
+      result = recording.differences.empty()
+                   ? replay_with_network(settings, site, recording.readings, told)
+                   : replay_with_network(settings, site, recording.differences, told);
+    } else {
+      result = recording.differences.empty()
+                   ? replay(settings, site, recording.readings, told)
+                   : replay_differences(settings, site, recording.differences, told);
+    }
   }
   const bool tried = result.all.epochs > 0;
   if (tried) fmt::print("{}", summary_table(settings, recording, result));

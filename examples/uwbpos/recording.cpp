@@ -66,6 +66,7 @@ Recording read_recording(const Settings& settings, Problems& problems) {
   if (!settings.bias_network.empty()) {
     site.network = std::make_shared<const LinkNetwork>(settings.bias_network);
   }
+  if (!settings.attitude.empty()) site.attitude = read_trajectory(settings.attitude, problems);
   if (!settings.bias.empty()) site.bias = read_bias(settings.bias, problems);
   if (!settings.truth.empty()) site.truth = read_trajectory(settings.truth, problems);
   PowerBiasTable power_table;

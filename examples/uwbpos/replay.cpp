@@ -278,8 +278,8 @@ Replay replay(Settings settings, const Site& site, const std::vector<Reading>& r
   score(site, result);
   if (site.network && (!has_pose(site, kept) || (result.dim == 2 && !settings.height))) {
     throw Failure{
-        "--bias-network needs the body's attitude, so --tags with two or more lever arms, and "
-        "heights, so --height or --dim 3"};
+        "--bias-network needs the body's attitude, so --attitude or --tags with two or more lever "
+        "arms, and heights, so --height or --dim 3"};
   }
   if (has_pose(site, kept)) {
     result.body = solve_poses(settings, site, result.dim, kept, progress);

@@ -86,6 +86,7 @@ struct Site {
   Trajectory truth;                            ///< of the body; empty: unknown
   std::shared_ptr<const LinkNetwork> network;  ///< of the links' biases, with poses
   SubnetTable subnets = {};  ///< of anchors whose differences are solved subnet by subnet
+  Trajectory attitude;       ///< of the body, its rotations; empty: unknown
 };
 
 /// 2 or 3: as the settings say; else 2 when the tags' height is given or all anchors are equally

@@ -12,6 +12,7 @@
 
 #include "uwbpos/frames/fuse_fixes.hpp"
 
+#include "failure.hpp"
 #include "level_solver.hpp"
 #include "statistics.hpp"
 
@@ -457,6 +458,7 @@ std::vector<DifferenceEpoch> group_differences(const std::vector<Difference>& di
 Replay replay_differences(Settings settings, const Site& site,
                           const std::vector<Difference>& differences,
                           const std::function<void(std::size_t, std::size_t)>& progress) {
+  if (site.network) throw Failure{"--bias-network with --tdoa needs the body's --attitude"};
   if (settings.side == Side::kUnknown && settings.height) {
     settings.side = side_of(*settings.height, site.anchors);
   }
