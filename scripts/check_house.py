@@ -28,6 +28,14 @@ WITHOUT_MACRO_GUARD = [*MACRO_GUARDS, "uwbpos/core/language.hpp", "uwbpos/uwbpos
 WITHOUT_LICENCE_LINE = {".md", ".json", ".csv", ".tum", ".txt", ".svg", ".png", ""}
 MACHINE_PATH = re.compile(r"(?<![\w.}])/(?:home|root|work|Users)/\w+")
 
+# Files that other ecosystems read the version from, and how each states it.
+MANIFESTS = {
+    "library.json": r'"version": "(.*?)"',
+    "packaging/arduino/library.properties": r"^version=(.*)",
+    "idf_component.yml": r'^version: "(.*)"',
+    "zephyr/module.yml": r"^# Release: uwbpos (.*)",
+}
+
 # What firmware cannot have: heap, exceptions, virtual calls, printing, clocks, macros.
 BANNED_HEADERS = set(
     "chrono condition_variable cstdio cstdlib deque filesystem format forward_list fstream "
@@ -151,6 +159,11 @@ def check_version(paths):
     if not entry or entry.group(1) != version:
         found = entry.group(1) if entry else "none"
         fault(changelog, 1, f"newest version is {found}, but core/version.hpp says {version}")
+    for name, pattern in MANIFESTS.items():
+        stated = re.search(pattern, text_of(ROOT / name), re.MULTILINE)
+        found = stated.group(1) if stated else "none"
+        if found != version:
+            fault(ROOT / name, 1, f"version {found}, but core/version.hpp says {version}")
     # Elsewhere a version is read from the header, or is one of these and is held to it.
     stated = re.compile(
         r"GIT_TAG v(\d+\.\d+\.\d+)|project\(uwbpos[^)]*VERSION (\d[\d.]*)|PROJECT_NUMBER *= *(\d[\d.]*)"

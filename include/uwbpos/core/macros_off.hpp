@@ -2,11 +2,10 @@
 
 /// @file
 /// Sets aside the macros of a program's own headers that share a name with something in here, in
-/// Eigen or in the standard library: Arduino's `abs`, `F()`, `B1`, `A0` … (Arduino.h, binary.h, a
-/// board's pins_arduino.h), `I` of <complex.h>. Every header of the library begins with this one
-/// and ends with macros_back.hpp, which gives them back as they were; so it is read as often, and
-/// has no
-/// `#pragma once`. Names that occur in none of the three stay as they are.
+/// Eigen or in the standard library: Arduino's `abs`, `F()`, `B1`, `A0` … (Arduino.h, binary.h, the
+/// pins of a board), `I` of <complex.h>. Every header of the library begins with this one and ends
+/// with macros_back.hpp, which gives them back as they were. Both are read again and again, and so
+/// have no `#pragma once`. Names that occur in none of the three stay as they are.
 
 #include "uwbpos/core/language.hpp"
 
