@@ -21,9 +21,20 @@ LAYERS = {
 }  # fmt: skip
 MAX_HEADER_LINES = 220
 EIGEN_GUARDS = ["uwbpos/core/eigen.hpp", "uwbpos/core/eigen_svd.hpp"]
+# What every header begins with and ends with, so that a sketch's macros do not reach into it.
+MACRO_GUARDS = ["uwbpos/core/macros_off.hpp", "uwbpos/core/macros_back.hpp"]
+WITHOUT_MACRO_GUARD = [*MACRO_GUARDS, "uwbpos/core/language.hpp", "uwbpos/uwbpos.hpp"]
 
 WITHOUT_LICENCE_LINE = {".md", ".json", ".csv", ".tum", ".txt", ".svg", ".png", ""}
 MACHINE_PATH = re.compile(r"(?<![\w.}])/(?:home|root|work|Users)/\w+")
+
+# Files that other ecosystems read the version from, and how each states it.
+MANIFESTS = {
+    "library.json": r'"version": "(.*?)"',
+    "packaging/arduino/library.properties": r"^version=(.*)",
+    "idf_component.yml": r'^version: "(.*)"',
+    "zephyr/module.yml": r"^# Release: uwbpos (.*)",
+}
 
 # What firmware cannot have: heap, exceptions, virtual calls, printing, clocks, macros.
 BANNED_HEADERS = set(
@@ -94,13 +105,19 @@ def check_headers(headers):
     for path in headers:
         text = text_of(path)
         lines = text.splitlines()
-        if len(lines) > MAX_HEADER_LINES:
-            fault(path, len(lines), f"{len(lines)} lines; more than {MAX_HEADER_LINES} are two headers")
-        if "#pragma once" not in lines:
+        name = str(path.relative_to(INCLUDE))
+        own = len(lines)
+        if name not in WITHOUT_MACRO_GUARD:
+            own -= 3  # The guards, and the empty line before the second.
+            first, last = (f'#include "{guard}"' for guard in MACRO_GUARDS)
+            if lines[2:3] != [first] or lines[-1:] != [last]:
+                fault(path, 3, f"line 3 is not {first}, or the last one not {last}")
+        if own > MAX_HEADER_LINES:
+            fault(path, len(lines), f"{own} lines; more than {MAX_HEADER_LINES} are two headers")
+        if "#pragma once" not in lines and name not in MACRO_GUARDS:
             fault(path, 1, "no #pragma once")
         if "/// @file" not in lines:
             fault(path, 1, "no '/// @file' comment")
-        name = str(path.relative_to(INCLUDE))
         code = without_comments(text).splitlines()
         for number, line in enumerate(code, 1):
             include = re.match(r"\s*#\s*include\s*<([^>]+)>", line)
@@ -114,11 +131,20 @@ def check_headers(headers):
                 fault(path, number, f"'{word}' does not belong into include/")
 
 
+def check_macro_guards():
+    """What is set aside is given back."""
+    off, back = (text_of(INCLUDE / guard) for guard in MACRO_GUARDS)
+    pushed = re.findall(r'#pragma push_macro\("(\w+)"\)\n#undef (\w+)', off)
+    popped = re.findall(r'#pragma pop_macro\("(\w+)"\)', back)
+    if [name for name, _ in pushed] != popped or [name for _, name in pushed] != popped:
+        fault(INCLUDE / MACRO_GUARDS[0], 1, f"not the names that {MACRO_GUARDS[1]} gives back")
+
+
 def check_umbrella(headers):
     umbrella = INCLUDE / "uwbpos" / "uwbpos.hpp"
     included = set(re.findall(r'#include "(uwbpos/[^"]+)"', text_of(umbrella)))
     public = {str(p.relative_to(INCLUDE)) for p in headers if p != umbrella}
-    wanted = {name for name in public if not name.startswith("uwbpos/sim/")}
+    wanted = {name for name in public if not name.startswith("uwbpos/sim/")} - set(MACRO_GUARDS)
     for name in sorted(wanted - included):
         fault(umbrella, 1, f"does not include {name}")
     for name in sorted(included - wanted):
@@ -133,6 +159,11 @@ def check_version(paths):
     if not entry or entry.group(1) != version:
         found = entry.group(1) if entry else "none"
         fault(changelog, 1, f"newest version is {found}, but core/version.hpp says {version}")
+    for name, pattern in MANIFESTS.items():
+        stated = re.search(pattern, text_of(ROOT / name), re.MULTILINE)
+        found = stated.group(1) if stated else "none"
+        if found != version:
+            fault(ROOT / name, 1, f"version {found}, but core/version.hpp says {version}")
     # Elsewhere a version is read from the header, or is one of these and is held to it.
     stated = re.compile(
         r"GIT_TAG v(\d+\.\d+\.\d+)|project\(uwbpos[^)]*VERSION (\d[\d.]*)|PROJECT_NUMBER *= *(\d[\d.]*)"
@@ -190,6 +221,7 @@ def main():
     headers = sorted((INCLUDE / "uwbpos").rglob("*.hpp"))
     check_layers(headers)
     check_headers(headers)
+    check_macro_guards()
     check_umbrella(headers)
     check_version(paths)
     check_features()

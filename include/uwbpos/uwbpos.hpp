@@ -13,6 +13,7 @@
 #include "uwbpos/core/covariance.hpp"
 #include "uwbpos/core/eigen.hpp"
 #include "uwbpos/core/eigen_svd.hpp"
+#include "uwbpos/core/language.hpp"
 #include "uwbpos/core/linalg.hpp"
 #include "uwbpos/core/quaternion.hpp"
 #include "uwbpos/core/result.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The least variance that any unbiased position estimate can have. Fisher information of ranges
@@ -122,3 +123,5 @@ template <PairDifferenceSet R, class Derived>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Dilution of precision: how geometry alone turns one metre of range error into metres of position
@@ -82,3 +83,5 @@ template <std::ranges::contiguous_range A, class S = typename std::ranges::range
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Physical constants and the limits shared by several layers.
@@ -22,3 +23,5 @@ inline constexpr S kTickSeconds = S(1.0 / (128.0 * 499.2e6));
 inline constexpr int kMaxMeasurements = 64;
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

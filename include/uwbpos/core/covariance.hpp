@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What makes a matrix a covariance, for those that come in and those that go out.
@@ -49,3 +50,5 @@ template <class S, int N>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

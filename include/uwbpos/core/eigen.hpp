@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The one place that includes Eigen, so that it can be guarded in one place: against the warnings
@@ -12,3 +13,5 @@
 #pragma GCC diagnostic ignored "-Wshadow"
 #include <Eigen/Core>
 #pragma GCC diagnostic pop
+
+#include "uwbpos/core/macros_back.hpp"

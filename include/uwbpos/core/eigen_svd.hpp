@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The singular value decomposition of Eigen, apart from core/eigen.hpp because it costs as much
@@ -8,3 +9,6 @@
 #include <Eigen/SVD>
 
 #include "uwbpos/core/eigen.hpp"
+
+// End of what Eigen may see.
+#include "uwbpos/core/macros_back.hpp"

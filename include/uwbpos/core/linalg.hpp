@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The few products and the one factorisation that the solvers need, with sums in a fixed order so
@@ -160,3 +161,5 @@ class Ldlt {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What every fallible function of the library returns: a value, or the name of what was wrong.
@@ -169,3 +170,5 @@ template <class T>
 using Result = std::expected<T, Error>;
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

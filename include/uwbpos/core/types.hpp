@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The plain structs that every layer speaks in. Aggregates, fixed size, no allocation.
@@ -89,3 +90,5 @@ struct PairDifference {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

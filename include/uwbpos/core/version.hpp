@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The library's version. This is the one place that states it: CMake, pkg-config and the
@@ -13,3 +14,5 @@ namespace uwbpos {
 inline constexpr std::string_view kVersion = "0.1.0";
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

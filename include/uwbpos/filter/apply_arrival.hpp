@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// How ranges and differences correct a track. Ranges are \f$ |p_{tag} - b| + \beta_b \f$ and
@@ -102,3 +103,5 @@ template <class Motion, int Biases, class S>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// How anything that a tracker was fed corrects a track: moved to the event's time, by one scalar
@@ -143,3 +144,5 @@ template <class Motion, int Biases, class S>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// A small multilayer perceptron that predicts the bias of a range from how the link lies (004):
@@ -97,3 +98,5 @@ struct BiasNetwork {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What a tracker remembers of a measurement.
@@ -48,3 +49,5 @@ struct Event {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

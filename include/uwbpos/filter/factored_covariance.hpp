@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The covariance of a filter kept as \f$ P = L\,\mathrm{diag}(d)\,L^T \f$, L lower triangular with
@@ -192,3 +193,5 @@ class FactoredCovariance {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Where a track begins: the maximum-likelihood pose of the last measurements of a tracker, each
@@ -182,3 +183,5 @@ template <class S, int D>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

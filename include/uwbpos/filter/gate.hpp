@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Whether a measurement may be believed. Reachability (004): an innovation ν cannot be motion when
@@ -118,3 +119,5 @@ class LockOutWatch {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What a tracker keeps of each anchor that it has heard, in memory of fixed size.
@@ -71,3 +72,5 @@ class HeardAnchors {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

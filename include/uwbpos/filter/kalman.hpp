@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The Kalman filter of N states, whose covariance is that of filter/factored_covariance.hpp:
@@ -49,3 +50,5 @@ struct KalmanFilter {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// How a link lies, as numbers for a bias network (004): what the antennas of tag and anchor see of
@@ -43,3 +44,5 @@ template <std::size_t Anchors, std::size_t Tags, class S>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

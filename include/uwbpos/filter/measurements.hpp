@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What a tracker is fed. Times are integers of microseconds from any epoch: a float of seconds
@@ -93,3 +94,5 @@ struct TimedTurnRate {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The last events of a tracker in order of time, with a snapshot of the track before every
@@ -71,3 +72,5 @@ class ReplayWindow {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

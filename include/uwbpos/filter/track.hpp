@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// One hypothesis of a moving body at one time: a motion model's state, the slowly varying bias of
@@ -147,3 +148,5 @@ template <class Motion, int Biases, class S, int M>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

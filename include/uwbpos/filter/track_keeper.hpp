@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The life of a track over a stream of events whose anchors are known by place: begun by
@@ -207,3 +208,5 @@ class TrackKeeper {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// A tracker: fed with whatever arrives in whatever order, asked for a pose at any time.
@@ -208,3 +209,5 @@ class Tracker {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What a tracker can be told, and what it tells about each measurement.
@@ -68,3 +69,5 @@ struct TrackUpdate {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

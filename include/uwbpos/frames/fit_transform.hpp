@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The rigid motion between two frames from points known in both: weighted least squares without
@@ -195,3 +196,5 @@ template <std::ranges::contiguous_range P,
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// One tag's fixes from several subnets as one fix in the map, and borders that are crossed without
@@ -215,3 +216,5 @@ template <class S, int D, int Capacity>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// One position from several subnets' fixes, and what their differences tell about the subnets'
@@ -114,3 +115,5 @@ template <class S, int D, int Slots>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

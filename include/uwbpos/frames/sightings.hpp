@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Fixes of several subnets, checked and brought to the map, and the joint fix of any of them.
@@ -91,3 +92,5 @@ template <class S, int D, int Capacity>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The subnets of a site, each with its own control anchor at the origin of its own frame, and what
@@ -124,3 +125,5 @@ class Subnets {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The surveyed anchors of a site: ids and positions, in memory of fixed size.
@@ -81,3 +82,5 @@ class Anchors {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

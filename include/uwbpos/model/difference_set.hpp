@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What solvers accept as range differences: any contiguous range of `DifferenceTo<S, D>` or of
@@ -132,3 +133,5 @@ template <class S, int D>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Ranges that share one unknown bias (a tag's clock, an ultrasonic lag):
@@ -78,3 +79,5 @@ template <class S, int D>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The range model, written once for solvers, bounds, filter and simulator:
@@ -31,3 +32,5 @@ template <class S, int D>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

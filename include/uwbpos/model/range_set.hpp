@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What solvers and bounds accept as ranges: any contiguous range of `RangeTo<S, D>` (array,
@@ -121,3 +122,5 @@ template <class S, class V>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

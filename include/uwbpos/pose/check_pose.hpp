@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What is asked of a planar pose before anything is computed from it.
@@ -24,3 +25,5 @@ template <class S>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Double-sided two-way ranging: asymmetric (Neirynck, Luk, McLaughlin, WPNC 2016), the one to use,
@@ -178,3 +179,5 @@ template <class S>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

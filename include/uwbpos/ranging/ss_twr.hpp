@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Single-sided two-way ranging, with or without the responder's clock offset (paper 000).
@@ -108,3 +109,5 @@ template <class S>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

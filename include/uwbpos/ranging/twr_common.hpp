@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What every method of two-way ranging shares: options, the meaning of their domains, and the
@@ -108,3 +109,5 @@ constexpr Result<Measured<S>> twr_finish(S ticks, S variance, const TwrOptions<S
 
 }  // namespace detail
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Ultrasonic times of flight: speed of sound, and counter readings to lengths. Source: Jiang, Yan,
@@ -115,3 +116,5 @@ template <class S>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

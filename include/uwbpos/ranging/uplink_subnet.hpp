@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// One subnet of anchors that hear a tag blink (patent 001): it follows every anchor's clock from
@@ -200,3 +201,5 @@ Result<BlinkDifferences<S, D, Capacity>> UplinkSubnet<S, D, Capacity>::differenc
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The devices of a site and the frames between them, each stamped by clocks of its own. A frame
@@ -169,3 +170,5 @@ class Air {
 };
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Simulated runs of downlink range differences: anchors send in turn, each packet carries when it
@@ -150,3 +151,5 @@ class DownlinkSimulation {
 };
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

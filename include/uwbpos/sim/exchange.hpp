@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// One whole two-way exchange of three frames (poll, response, final), as two radios with their
@@ -174,3 +175,5 @@ inline std::int64_t on_grid(std::int64_t ticks, std::int64_t grid) {
 }
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Rectangular halls hung with anchors.
@@ -102,3 +103,5 @@ inline Vec<double, 2> in_grid(const Hall& hall, int index, int count) {
 }
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

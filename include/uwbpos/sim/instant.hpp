@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// True time, kept finer than any radio can see.
@@ -47,3 +48,5 @@ struct Instant {
 }
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Random numbers that are the same for the same seed on every standard library and processor:
@@ -123,3 +124,5 @@ class Random {
 };
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Table 1 of Jiang, Yan, Zang, Zhao (003): counts of three receivers at x = −25.6, 0, 23.75 cm,
@@ -70,3 +71,5 @@ std::array<Vec<S, 2>, 3> table_receivers() {
 }
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Paths of a simulated robot: where it is, how fast, and which way it looks, at any time; and
@@ -126,3 +127,5 @@ using Path = std::variant<Route, Circle, Stops>;
 }
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What a simulated radio is like, presets, and one device drawn from such a make.
@@ -104,3 +105,5 @@ struct Device {
 }
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// A route of a simulated robot over waypoints, with rounded corners.
@@ -184,3 +185,5 @@ inline void face(BodyState& body, const Vec<double, 3>& direction, double speed,
 [[nodiscard]] inline double duration(const Route& route) { return length(route) / route.speed; }
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

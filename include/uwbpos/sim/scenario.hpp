@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// A whole simulated run: anchors in a hall, a body that carries tags along a path, their radios,
@@ -201,3 +202,5 @@ class Simulation {
 };
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

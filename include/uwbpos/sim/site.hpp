@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// A site of several subnets and a body that carries tags through it: what uplink and downlink
@@ -129,3 +130,5 @@ inline bool is_valid(const Site& site) {
 
 }  // namespace detail
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

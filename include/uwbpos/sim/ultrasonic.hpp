@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Shots of ultrasound with lags: the simulation of Jiang, Yan, Zang, Zhao (003, section 4). An
@@ -76,3 +77,5 @@ template <int D, std::size_t N>
 }
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

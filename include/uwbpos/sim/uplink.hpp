@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Simulated runs of uplink range differences: control anchors send sync frames, tags blink, and
@@ -163,3 +164,5 @@ class UplinkSimulation {
 };
 
 }  // namespace uwbpos::sim
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Position and common bias from pseudoranges in closed form (Bancroft, IEEE Trans. AES 21(1),
@@ -52,3 +53,5 @@ template <RangeSet R>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

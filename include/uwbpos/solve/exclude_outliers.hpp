@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Fault detection and exclusion: a fix from the measurements that agree with each other. While the
@@ -209,3 +210,5 @@ template <class R>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Ultrasonic positions free of the receivers' lag (FSRI, and SFMRUI, its form for any receivers:
@@ -132,3 +133,5 @@ template <ReceiverSet R, std::ranges::contiguous_range L>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What a shot of ultrasound is solved with and what comes out; see fsri.hpp.
@@ -99,3 +100,5 @@ inline constexpr S kDoubtfulCost = S(5);
 inline constexpr int kMostSolutions = 16000;
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What an explanation of a shot of ultrasound costs. With m_i waves added to length i, a repair
@@ -105,3 +106,5 @@ class FsriPrice {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Which whole waves to move, by branch and bound, at the price J of fsri_price.hpp.
@@ -218,3 +219,5 @@ class FsriSearch {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

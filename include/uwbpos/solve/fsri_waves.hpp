@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Whole waves added to lengths, receiver by receiver, and what they cost; see fsri_search.hpp.
@@ -144,3 +145,5 @@ struct RepairedLengths {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The front door: a position from whatever ranges or range differences there are. For ranges it
@@ -137,3 +138,5 @@ template <PairDifferenceSet R>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

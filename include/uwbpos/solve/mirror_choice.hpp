@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Whether the measurements themselves tell two mirror images apart. With Gaussian noise the odds
@@ -122,3 +123,5 @@ template <class S, int D, int N>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

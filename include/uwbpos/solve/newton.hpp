@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The descent that every maximum-likelihood solver shares. For residuals e of model h with
@@ -107,3 +108,5 @@ template <class S, int N, class Evaluate>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Pseudoranges from range differences between any pairs of anchors: pairs that hang together give
@@ -108,3 +109,5 @@ template <class S, int D>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Pose of a level body from the ranges of its tags, all at once: the minimum over (p, ψ) of
@@ -166,3 +167,5 @@ template <TagRangeSet R>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

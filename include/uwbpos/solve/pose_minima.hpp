@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Minima of the χ² of a pose. At a given heading ψ the ranges are those of one point p to anchors
@@ -99,3 +100,5 @@ bool is_sure(const HeadingGuess<S>& guess, S chi_squared, int degrees_of_freedom
 }
 
 }  // namespace uwbpos::detail
+
+#include "uwbpos/core/macros_back.hpp"

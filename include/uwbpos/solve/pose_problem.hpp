@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Checked ranges and options of a pose, brought into the coordinates of its descent: positions
@@ -95,3 +96,5 @@ Result<PoseProblem<S, D>> pose_problem(TagRangeSpan<S, D> ranges,
 }  // namespace detail
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Ranges with one common bias in closed form, by any number of anchors, flat or not; Bancroft's
@@ -168,3 +169,5 @@ template <class S, int D, PseudorangeView<S, D> V>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

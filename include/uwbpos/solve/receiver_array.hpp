@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Receivers that hang on a bar or a plate cannot tell an emitter from its mirror image. This finds
@@ -62,3 +63,5 @@ struct ReceiverArray {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

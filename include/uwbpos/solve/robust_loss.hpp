@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Loss functions that bound the pull of outliers: M-estimation after Huber (Ann. Math. Stat.
@@ -53,3 +54,5 @@ template <class S>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

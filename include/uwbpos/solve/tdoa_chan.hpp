@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Chan's two-stage weighted least squares for range differences (Chan, Ho, IEEE Trans. Signal
@@ -166,3 +167,5 @@ template <DifferenceSet R>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Position from the fewest range differences, D of them to D + 1 anchors, in closed form (Fang,
@@ -50,3 +51,5 @@ template <DifferenceSet R>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Maximum-likelihood position from range differences against one shared reference, whose noise
@@ -60,3 +61,5 @@ template <DifferenceSet R>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Chan's two-stage weighted least squares for ranges (Chan, Ho, IEEE Trans. Signal Process. 42(8),
@@ -50,3 +51,5 @@ template <RangeSet R>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Maximum-likelihood position from ranges: the minimum of
@@ -129,3 +130,5 @@ template <RangeSet R>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Weighted linear least squares on squared ranges: (2) of squared_ranges.hpp solved as it stands.
@@ -39,3 +40,5 @@ template <RangeSet R>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

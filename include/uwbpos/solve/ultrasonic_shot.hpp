@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// One shot of ultrasound by the two methods that FSRI is measured against (003): circles or
@@ -138,3 +139,5 @@ template <ReceiverSet R, std::ranges::contiguous_range L>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What a linear system that may be short of one rank does determine: a line. Elimination of
@@ -104,3 +105,5 @@ template <class S, int N>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

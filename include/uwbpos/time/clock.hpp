@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The affine model of a device's clock. A clock of relative frequency error e and offset o shows,
@@ -40,3 +41,5 @@ template <class S>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

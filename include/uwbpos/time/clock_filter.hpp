@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// The arithmetic of `ClockSync`: a Kalman filter of one clock's phase and rate against another's.
@@ -173,3 +174,5 @@ class ClockFilter {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Synchronisation of an anchor's clock to its control anchor's (math.md 5, patent 001): offset
@@ -205,3 +206,5 @@ Result<ControlTime<S>> ClockSync<S>::to_control(DeviceTime<> stamp, std::int64_t
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// A radio's timestamp counter, which wraps. DW1000/DW3000: 40 bits of 15.65 ps, 17.2 s a wrap;
@@ -58,3 +59,5 @@ class DeviceTime {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

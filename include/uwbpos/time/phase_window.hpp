@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What a host that reads late knows of the rate between two counters, whatever it miscounts.
@@ -66,3 +67,5 @@ class PhaseWindow {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// A tracker of one clock's rate against another's, from pairs of stamps of the same events: a poll
@@ -218,3 +219,5 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// How long a counter ran, when it may have wrapped meanwhile and a host timed it roughly.
@@ -55,3 +56,5 @@ template <class S, unsigned Bits>
 }
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

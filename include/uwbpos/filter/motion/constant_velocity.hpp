@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Motion of constant velocity, disturbed by white acceleration of spectral density σ_a²:
@@ -111,3 +112,5 @@ struct ConstantVelocity {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// Inertial navigation: position p, orientation R, velocity v, biases b_a, b_g of an accelerometer
@@ -209,3 +210,5 @@ struct Inertial {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// A body on a floor that may move in any direction, whatever it looks at: a trolley, a robot on
@@ -143,3 +144,5 @@ struct PlanarBody {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// A robot on a floor that drives where it looks: state (x, y, ψ, v, ω), arcs of constant speed and
@@ -142,3 +143,5 @@ struct PlanarRobot {
 };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
+#include "uwbpos/core/macros_off.hpp"
 
 /// @file
 /// What a motion model tells the filter about one step of time, and what a filter asks of one.
@@ -46,3 +47,5 @@ concept MotionModel =
     };
 
 }  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"
