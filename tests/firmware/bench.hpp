@@ -94,7 +94,8 @@ Outcome check(const Recording& recorded) {
     const Cost cost = measure(call, &input, &output, kIsStateful<C>);
     transfer(checker, output);
     total += cost.instructions;
-    if (cost.instructions > outcome.most_instructions) outcome.most_instructions = cost.instructions;
+    if (cost.instructions > outcome.most_instructions)
+      outcome.most_instructions = cost.instructions;
     if (cost.stack > outcome.stack) outcome.stack = cost.stack;
   }
   outcome.words = checker.words();
@@ -139,9 +140,9 @@ void record(const char* symbol, std::vector<Word>& inputs, std::vector<Word>& ou
 }  // namespace firmware
 
 /// The function to call, with a name that a linker knows, and its entry.
-#define FIRMWARE_FUNCTION(symbol, type)                                           \
+#define FIRMWARE_FUNCTION(symbol, type)                                                \
   extern "C" [[gnu::noinline]] void symbol(const type::Input& in, type::Output& out) { \
-    new (&out) type::Output(type::run(in));                                       \
+    new (&out) type::Output(type::run(in));                                            \
   }
 #ifdef FIRMWARE_TARGET
 #define FIRMWARE_ENTRY(symbol, type) \

@@ -5,9 +5,8 @@
 
 #include "bare/board.hpp"
 #include "cases/entries.hpp"
-#include "text.hpp"
-
 #include "recordings.hpp"
+#include "text.hpp"
 
 extern "C" std::uint32_t bss_end[];
 
@@ -95,8 +94,9 @@ int main() {
         firmware::write_text(put, "case ");
         firmware::write_text(put, entry.symbol);
         for (const auto number :
-             {static_cast<std::uint32_t>(outcome.words), static_cast<std::uint32_t>(outcome.different),
-              outcome.most_instructions, outcome.mean_instructions, outcome.stack}) {
+             {static_cast<std::uint32_t>(outcome.words),
+              static_cast<std::uint32_t>(outcome.different), outcome.most_instructions,
+              outcome.mean_instructions, outcome.stack}) {
           put(' ');
           firmware::write_number(put, static_cast<std::int32_t>(number));
         }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Positions from ranges.
-#include "cases/entries.hpp"
 #include "uwbpos/accuracy/dop.hpp"
 #include "uwbpos/solve/bancroft.hpp"
 #include "uwbpos/solve/exclude_outliers.hpp"
@@ -9,13 +8,11 @@
 #include "uwbpos/solve/toa_chan.hpp"
 #include "uwbpos/solve/toa_linear.hpp"
 
+#include "cases/biased_fix.hpp"
+#include "cases/entries.hpp"
+
 namespace uwbpos {
 
-template <class Words, int D>
-void transfer(Words& words, BiasedFix<float, D>& f) {
-  firmware::transfer_all(words, f.position, f.bias, f.covariance, f.chi_squared,
-                         f.degrees_of_freedom);
-}
 template <class Words, int D>
 void transfer(Words& words, BancroftSolution<float, D>& b) {
   firmware::transfer_all(words, b.first.position, b.first.bias, b.second.position, b.second.bias);

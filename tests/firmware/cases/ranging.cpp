@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Timestamps to ranges, bias by power, heights.
-#include "cases/entries.hpp"
 #include "uwbpos/geometry/height.hpp"
 #include "uwbpos/ranging/range_bias.hpp"
+
+#include "cases/entries.hpp"
 
 namespace {
 
@@ -80,10 +81,9 @@ FIRMWARE_FUNCTION(correct_range_bias_, Bias)
 FIRMWARE_FUNCTION(horizontal_range_, Height)
 
 std::span<const firmware::Entry> firmware::ranging_entries() {
-  static constexpr Entry kEntries[] = {FIRMWARE_ENTRY(ds_twr_range_asymmetric, DsTwr),
-                                       FIRMWARE_ENTRY(ds_twr_range_symmetric_, DsTwrSymmetric),
-                                       FIRMWARE_ENTRY(ss_twr_range_, SsTwr),
-                                       FIRMWARE_ENTRY(correct_range_bias_, Bias),
-                                       FIRMWARE_ENTRY(horizontal_range_, Height)};
+  static constexpr Entry kEntries[] = {
+      FIRMWARE_ENTRY(ds_twr_range_asymmetric, DsTwr),
+      FIRMWARE_ENTRY(ds_twr_range_symmetric_, DsTwrSymmetric), FIRMWARE_ENTRY(ss_twr_range_, SsTwr),
+      FIRMWARE_ENTRY(correct_range_bias_, Bias), FIRMWARE_ENTRY(horizontal_range_, Height)};
   return kEntries;
 }
