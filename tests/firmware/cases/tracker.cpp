@@ -32,11 +32,7 @@ namespace {
 
 using namespace uwbpos;
 
-#ifdef BOARD_m0
-constexpr TrackerSize kSize{.anchors = 8, .tags = 2, .biases = 0, .window = 4, .stride = 2};
-#else
 constexpr TrackerSize kSize{.anchors = 8, .tags = 2, .biases = 0, .window = 16, .stride = 4};
-#endif
 constexpr std::uint32_t kAnchors = 8;
 
 struct Event {
@@ -139,16 +135,11 @@ using FlightOfDrone = Flight<Inertial<float>>;
 
 FIRMWARE_FUNCTION(tracker_point_3d, FlightOfPoint)
 FIRMWARE_FUNCTION(tracker_planar_robot, FlightOfRobot)
-#ifndef BOARD_m0
 FIRMWARE_FUNCTION(tracker_inertial, FlightOfDrone)
-#endif
 
 std::span<const firmware::Entry> firmware::tracker_entries() {
   static constexpr Entry kEntries[] = {FIRMWARE_ENTRY(tracker_point_3d, FlightOfPoint),
                                        FIRMWARE_ENTRY(tracker_planar_robot, FlightOfRobot),
-#ifndef BOARD_m0
-                                       FIRMWARE_ENTRY(tracker_inertial, FlightOfDrone)
-#endif
-  };
+                                       FIRMWARE_ENTRY(tracker_inertial, FlightOfDrone)};
   return kEntries;
 }
