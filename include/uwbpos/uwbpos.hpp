@@ -17,6 +17,7 @@
 #include "uwbpos/core/linalg.hpp"
 #include "uwbpos/core/quaternion.hpp"
 #include "uwbpos/core/result.hpp"
+#include "uwbpos/core/trigonometry.hpp"
 #include "uwbpos/core/types.hpp"
 #include "uwbpos/core/version.hpp"
 #include "uwbpos/filter/apply_arrival.hpp"

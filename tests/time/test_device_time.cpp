@@ -54,4 +54,12 @@ TEST_CASE("Bits above the counter's are dropped") {
 
 }  // namespace
 
+TEST_CASE_TEMPLATE("whole numbers of a scalar become integers exactly", S, float, double) {
+  for (const S whole : {S(0), S(1), S(-1), S(16777216), S(-16777218), S(4294967296.0), S(-6.4e7),
+                        S(1099511627776.0), S(-1099511758848.0)}) {
+    CHECK(static_cast<S>(uwbpos::integer_ticks(whole)) == whole);
+    CHECK(uwbpos::integer_ticks(whole) == static_cast<std::int64_t>(whole));
+  }
+}
+
 }  // namespace tests::time_device_time

@@ -8,6 +8,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "uwbpos/core/trigonometry.hpp"
+
 namespace uwbpos {
 
 /// `angle` [rad] brought into (−π, π]. NaN and infinity give NaN. O(1), no allocation.
@@ -23,7 +25,7 @@ template <class S>
 template <class S>
 [[nodiscard]] S direction_of(S x, S y) {
   constexpr S pi = std::numbers::pi_v<S>;
-  const S angle = std::atan2(y, x);
+  const S angle = arctangent(y, x);
   return angle <= -pi ? pi : angle;
 }
 

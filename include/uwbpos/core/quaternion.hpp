@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "uwbpos/core/linalg.hpp"
+#include "uwbpos/core/trigonometry.hpp"
 
 namespace uwbpos {
 
@@ -45,15 +46,15 @@ template <class S>
   // sin(x)/x to rounding below a twentieth of a radian: 1 − x²/6 + x⁴/120, next term 3e-12.
   const S square = half * half;
   const S ratio =
-      half < S(0.05) ? S(1) - square / S(6) * (S(1) - square / S(20)) : std::sin(half) / half;
+      half < S(0.05) ? S(1) - square / S(6) * (S(1) - square / S(20)) : sine(half) / half;
   const S scale = ratio / S(2);
-  return normalised<S>({std::cos(half), scale * turn[0], scale * turn[1], scale * turn[2]});
+  return normalised<S>({cosine(half), scale * turn[0], scale * turn[1], scale * turn[2]});
 }
 
 /// Yaw about z, then nothing else.
 template <class S>
 [[nodiscard]] Quaternion<S> quaternion_from_yaw(S yaw) {
-  return {std::cos(yaw / S(2)), S(0), S(0), std::sin(yaw / S(2))};
+  return {cosine(yaw / S(2)), S(0), S(0), sine(yaw / S(2))};
 }
 
 /// The matrix of a unit quaternion. No allocation.

@@ -10,6 +10,7 @@
 #include <optional>
 #include <span>
 
+#include "uwbpos/core/trigonometry.hpp"
 #include "uwbpos/filter/first_fix.hpp"
 #include "uwbpos/filter/tracker_options.hpp"
 
@@ -35,7 +36,7 @@ class Departure {
     const S square = squared_norm<S, 2>(way);
     const S noise = variance + variance_;
     if (!(square > kSigmas * kSigmas * noise)) return std::nullopt;
-    return Measured<S>{std::atan2(way[1], way[0]), noise / square};
+    return Measured<S>{arctangent(way[1], way[0]), noise / square};
   }
 
   /// Forgets it.

@@ -13,6 +13,7 @@
 
 #include "uwbpos/core/covariance.hpp"
 #include "uwbpos/core/result.hpp"
+#include "uwbpos/core/trigonometry.hpp"
 #include "uwbpos/frames/transform.hpp"
 
 namespace uwbpos {
@@ -105,8 +106,8 @@ template <class S, int D>
         Mat<S, kTransformDof<D>>::Zero()) {
   if (!std::isfinite(yaw)) return std::unexpected(Error::NotFinite);
   Mat<S, D> rotation = Mat<S, D>::Identity();
-  rotation(0, 0) = rotation(1, 1) = std::cos(yaw);
-  rotation(1, 0) = std::sin(yaw);
+  rotation(0, 0) = rotation(1, 1) = cosine(yaw);
+  rotation(1, 0) = sine(yaw);
   rotation(0, 1) = -rotation(1, 0);
   return transform_from_rotation<S, D>(rotation, translation, covariance);
 }
@@ -114,7 +115,7 @@ template <class S, int D>
 /// Yaw [rad] in (−π, π]: where frame b's x axis points, seen from above in frame a.
 template <class S, int D>
 [[nodiscard]] S yaw(const Transform<S, D>& a_T_b) {
-  return std::atan2(a_T_b.rotation(1, 0), a_T_b.rotation(0, 0));
+  return arctangent(a_T_b.rotation(1, 0), a_T_b.rotation(0, 0));
 }
 
 /// A planar transform as a level one in space: frame b's floor lies `height` [m, m²] above frame

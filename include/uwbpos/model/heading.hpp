@@ -12,6 +12,7 @@
 #include <cmath>
 
 #include "uwbpos/core/linalg.hpp"
+#include "uwbpos/core/trigonometry.hpp"
 
 namespace uwbpos {
 
@@ -29,7 +30,7 @@ template <class S>
   const S in_plan = forward[0] * forward[0] + forward[1] * forward[1];
   if (!(in_plan > S(1e-6))) return {S(0), Vec<S, 3>::Zero()};
   const S tilt = -forward[2] / in_plan;
-  return {std::atan2(forward[1], forward[0]), {tilt * forward[0], tilt * forward[1], S(1)}};
+  return {arctangent(forward[1], forward[0]), {tilt * forward[0], tilt * forward[1], S(1)}};
 }
 
 }  // namespace uwbpos

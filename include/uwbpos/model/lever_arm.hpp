@@ -13,6 +13,7 @@
 #include <cmath>
 
 #include "uwbpos/core/linalg.hpp"
+#include "uwbpos/core/trigonometry.hpp"
 
 namespace uwbpos {
 
@@ -26,7 +27,7 @@ struct Turn {
 /// The turn by `heading` [rad]. A sine and a cosine, whose last bits differ by C library.
 template <class S>
 [[nodiscard]] Turn<S> turn_of(S heading) {
-  return {std::cos(heading), std::sin(heading)};
+  return {cosine(heading), sine(heading)};
 }
 
 /// R(ψ) v: the vector `v` of a level body, in axes of the map; z stays. No allocation.

@@ -15,6 +15,7 @@
 #include <type_traits>
 
 #include "uwbpos/core/angle.hpp"
+#include "uwbpos/core/trigonometry.hpp"
 #include "uwbpos/pose/check_pose.hpp"
 
 namespace uwbpos {
@@ -43,8 +44,8 @@ template <class S>
 
   const S turn = angle_difference(second.heading, first.heading);
   const S middle = first.heading + turn / 2;
-  const S c = std::cos(middle);
-  const S s = std::sin(middle);
+  const S c = cosine(middle);
+  const S s = sine(middle);
   Twist2<S> twist;
   twist.global_velocity = (second.position - first.position) / dt;  // (1)
   const Vec<S, 2>& v = twist.global_velocity;

@@ -40,7 +40,8 @@ template <class S>
 S add_scaled_ticks(std::int64_t x, S delta, std::int64_t interval) {
   if constexpr (std::numeric_limits<S>::digits <= 24) {
     int exponent = 0;
-    const auto mantissa = static_cast<std::int64_t>(std::frexp(delta, &exponent) * S(1 << 24));
+    const std::int64_t mantissa =
+        static_cast<std::int32_t>(std::frexp(delta, &exponent) * S(1 << 24));
     const int shift = 24 - exponent;
     if (shift <= 62) {
       const std::int64_t product = mantissa * interval;

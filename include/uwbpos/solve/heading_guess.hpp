@@ -21,6 +21,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "uwbpos/core/trigonometry.hpp"
 #include "uwbpos/solve/pose_normal.hpp"
 
 namespace uwbpos {
@@ -103,7 +104,7 @@ template <class S, int D>
     const S s = solution[3];
     const S variance = std::max(covariance(2, 2), covariance(3, 3));
     if (!std::isfinite(c) || !std::isfinite(s) || !std::isfinite(variance)) return std::nullopt;
-    return HeadingGuess<S>{std::atan2(s, c), variance / std::max(c * c + s * s, S(1e-6))};
+    return HeadingGuess<S>{arctangent(s, c), variance / std::max(c * c + s * s, S(1e-6))};
   };
   if constexpr (D == 3) {
     const Ldlt<S, N> whole{normal};

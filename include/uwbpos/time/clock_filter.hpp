@@ -158,10 +158,10 @@ class ClockFilter {
   // Whole ticks and whole units of the rate become integers.
   void settle() {
     const S ticks = std::floor(base_.fraction + S(0.5));
-    base_.control = base_.control + static_cast<std::int64_t>(ticks);
+    base_.control = base_.control + integer_ticks(ticks);
     base_.fraction -= ticks;
     const S units = std::floor(rest_ + S(0.5));
-    rate_ += static_cast<std::int64_t>(units);
+    rate_ += integer_ticks(units);
     rest_ -= units;
   }
 

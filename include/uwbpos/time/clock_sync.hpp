@@ -117,7 +117,7 @@ Result<Measured<S>> ClockSync<S>::update(DeviceTime<> control_tx, DeviceTime<> a
   if (std::abs(flight) > S(1e-3)) return std::unexpected(Error::RangeBeyondMaximum);
   const S ticks = flight / kTickSeconds<S>;
   const S whole = std::floor(ticks);
-  const ClockPair<S> pair{control_tx + static_cast<std::int64_t>(whole), ticks - whole, anchor_rx};
+  const ClockPair<S> pair{control_tx + integer_ticks(whole), ticks - whole, anchor_rx};
 
   if (!based_) return std::unexpected(restart(pair, host, Error::NotYetTracked));
   std::int64_t gap = 0;

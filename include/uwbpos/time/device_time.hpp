@@ -7,6 +7,7 @@
 /// many firmwares log its low 32 bits, 67.2 ms a wrap.
 
 #include <cstdint>
+#include <limits>
 
 namespace uwbpos {
 
@@ -57,6 +58,21 @@ class DeviceTime {
  private:
   std::uint64_t ticks_ = 0;
 };
+
+/// A whole number of ticks as an integer. `whole` is an integer, |whole| < 2^55. A processor
+/// without double has no instruction for it, and its library goes by way of double; in halves it
+/// takes ten.
+template <class S>
+[[nodiscard]] constexpr std::int64_t integer_ticks(S whole) {
+  if constexpr (std::numeric_limits<S>::digits <= 24) {
+    constexpr std::int32_t kHalf = std::int32_t{1} << 24;
+    const auto high = static_cast<std::int32_t>(whole / S(kHalf));
+    const auto low = static_cast<std::int32_t>(whole - static_cast<S>(high) * S(kHalf));
+    return std::int64_t{high} * kHalf + low;
+  } else {
+    return static_cast<std::int64_t>(whole);
+  }
+}
 
 }  // namespace uwbpos
 

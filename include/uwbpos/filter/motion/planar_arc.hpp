@@ -10,6 +10,8 @@
 
 #include <cmath>
 
+#include "uwbpos/core/trigonometry.hpp"
+
 namespace uwbpos {
 
 /// The factors of (1).
@@ -26,9 +28,9 @@ template <class S>
 [[nodiscard]] PlanarArc<S> planar_arc(S heading, S half) {
   // The series' next terms are below 1e-14.
   const bool straight = std::abs(half) < S(1e-3);
-  const S sinc = straight ? S(1) - half * half / S(6) : std::sin(half) / half;
-  const S bend = straight ? -half / S(3) : (std::cos(half) - sinc) / half;
-  return {sinc, bend, std::cos(heading + half), std::sin(heading + half)};
+  const S sinc = straight ? S(1) - half * half / S(6) : sine(half) / half;
+  const S bend = straight ? -half / S(3) : (cosine(half) - sinc) / half;
+  return {sinc, bend, cosine(heading + half), sine(heading + half)};
 }
 
 }  // namespace uwbpos

@@ -13,6 +13,7 @@
 #include <cstdint>
 
 #include "uwbpos/core/angle.hpp"
+#include "uwbpos/core/trigonometry.hpp"
 #include "uwbpos/filter/factored_covariance.hpp"
 #include "uwbpos/filter/motion/planar_arc.hpp"
 #include "uwbpos/filter/motion/propagation.hpp"
@@ -111,8 +112,8 @@ struct PlanarBody {
 
   /// The gradient of its component `axis`.
   [[nodiscard]] Vec<S, 5> velocity_row(const State& state, int axis) const {
-    const S c = std::cos(state[2]);
-    const S s = std::sin(state[2]);
+    const S c = cosine(state[2]);
+    const S s = sine(state[2]);
     const Vec<S, 3> v = velocity(state);
     if (axis == 0) return {S(0), S(0), -v[1], c, -s};
     return {S(0), S(0), v[0], s, c};

@@ -12,6 +12,7 @@
 #include <cstdint>
 
 #include "uwbpos/core/angle.hpp"
+#include "uwbpos/core/trigonometry.hpp"
 #include "uwbpos/filter/factored_covariance.hpp"
 #include "uwbpos/filter/motion/planar_arc.hpp"
 #include "uwbpos/filter/motion/propagation.hpp"
@@ -107,13 +108,13 @@ struct PlanarRobot {
 
   /// In axes of the map [m/s].
   [[nodiscard]] Vec<S, 3> velocity(const State& state) const {
-    return {state[3] * std::cos(state[2]), state[3] * std::sin(state[2]), S(0)};
+    return {state[3] * cosine(state[2]), state[3] * sine(state[2]), S(0)};
   }
 
   /// The gradient of its component `axis`.
   [[nodiscard]] Vec<S, 4> velocity_row(const State& state, int axis) const {
-    const S c = std::cos(state[2]);
-    const S s = std::sin(state[2]);
+    const S c = cosine(state[2]);
+    const S s = sine(state[2]);
     return {S(0), S(0), axis == 0 ? -state[3] * s : state[3] * c, axis == 0 ? c : s};
   }
 

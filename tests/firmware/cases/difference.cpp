@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: MIT
+// Positions from range differences.
+#include "uwbpos/solve/locate.hpp"
+#include "uwbpos/solve/tdoa_chan.hpp"
+#include "uwbpos/solve/tdoa_fang.hpp"
+
+#include "cases/entries.hpp"
+
+namespace {
+
+using namespace uwbpos;
+
+constexpr float kSigma = 0.1f;  // of an arrival [m]
+
+template <int D, std::size_t N>
+struct Blink {
+  Vec<float, D> reference;
+  std::array<DifferenceTo<float, D>, N> differences;
+};
+
+template <class Words, int D, std::size_t N>
+void transfer(Words& words, Blink<D, N>& b) {
+  firmware::transfer_all(words, b.reference, b.differences);
+}
+
+template <int D, std::size_t N>
+struct FromBlink {
+  static constexpr int kRounds = 20;
+  using Input = Blink<D, N>;
+  using Output = Result<Fix<float, D>>;
+#ifndef FIRMWARE_TARGET
+  static void make(Input& in, sim::Random& random, int) {
+    const Vec<double, D> tag = firmware::point_in_room(random).head<D>();
+    const Vec<double, D> first = firmware::corner_of_room(random, 0).head<D>();
+    const double arrival = (tag - first).norm() + random.normal(0, 0.1);
+    in.reference = first.template cast<float>();
+    for (std::size_t i = 0; i < N; ++i) {
+      const Vec<double, D> anchor = firmware::corner_of_room(random, i + 1).template head<D>();
+      in.differences[i] = {
+          anchor.template cast<float>(),
+          firmware::to_float((tag - anchor).norm() + random.normal(0, 0.1) - arrival)};
+    }
+  }
+#endif
+};
+
+struct Chan3 : FromBlink<3, 7> {
+  static Output run(const Input& in) { return tdoa_chan(in.reference, in.differences, kSigma); }
+};
+struct Fang2 : FromBlink<2, 2> {
+  using Output = Result<Mirror<float, 2>>;
+  static Output run(const Input& in) { return tdoa_fang(in.reference, in.differences); }
+};
+struct LeastSquares3 : FromBlink<3, 7> {
+  static Output run(const Input& in) { return locate(in.reference, in.differences, kSigma); }
+};
+struct LeastSquares2 : FromBlink<2, 5> {
+  static Output run(const Input& in) { return locate(in.reference, in.differences, kSigma); }
+};
+
+struct Pairs2 {
+  static constexpr int kRounds = 20;
+  using Input = std::array<PairDifference<float, 2>, 6>;
+  using Output = Result<Fix<float, 2>>;
+  static Output run(const Input& in) { return locate(in); }
+#ifndef FIRMWARE_TARGET
+  static void make(Input& in, sim::Random& random, int) {
+    const Vec<double, 2> tag = firmware::point_in_room(random).head<2>();
+    Vec<double, 2> anchors[4];
+    for (std::size_t i = 0; i < 4; ++i) anchors[i] = firmware::corner_of_room(random, i).head<2>();
+    std::size_t count = 0;
+    for (std::size_t a = 0; a < 4; ++a) {
+      for (std::size_t b = a + 1; b < 4; ++b) {
+        const double difference = (tag - anchors[b]).norm() - (tag - anchors[a]).norm();
+        in[count++] = {anchors[a].cast<float>(), anchors[b].cast<float>(),
+                       firmware::to_float(difference + random.normal(0, 0.15)), 0.15f};
+      }
+    }
+  }
+#endif
+};
+
+}  // namespace
+
+FIRMWARE_FUNCTION(tdoa_chan_3d_7, Chan3)
+FIRMWARE_FUNCTION(tdoa_fang_2d_2, Fang2)
+FIRMWARE_FUNCTION(tdoa_least_squares_3d_7, LeastSquares3)
+FIRMWARE_FUNCTION(tdoa_least_squares_2d_5, LeastSquares2)
+FIRMWARE_FUNCTION(tdoa_pairs_2d_6, Pairs2)
+
+std::span<const firmware::Entry> firmware::difference_entries() {
+  static constexpr Entry kEntries[] = {FIRMWARE_ENTRY(tdoa_chan_3d_7, Chan3),
+                                       FIRMWARE_ENTRY(tdoa_fang_2d_2, Fang2),
+                                       FIRMWARE_ENTRY(tdoa_least_squares_3d_7, LeastSquares3),
+                                       FIRMWARE_ENTRY(tdoa_least_squares_2d_5, LeastSquares2),
+                                       FIRMWARE_ENTRY(tdoa_pairs_2d_6, Pairs2)};
+  return kEntries;
+}

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: MIT
+// Positions from ranges.
+#include "uwbpos/accuracy/dop.hpp"
+#include "uwbpos/solve/bancroft.hpp"
+#include "uwbpos/solve/exclude_outliers.hpp"
+#include "uwbpos/solve/locate.hpp"
+#include "uwbpos/solve/pseudorange_least_squares.hpp"
+#include "uwbpos/solve/toa_chan.hpp"
+#include "uwbpos/solve/toa_linear.hpp"
+
+#include "cases/biased_fix.hpp"
+#include "cases/entries.hpp"
+
+namespace uwbpos {
+
+template <class Words, int D>
+void transfer(Words& words, BancroftSolution<float, D>& b) {
+  firmware::transfer_all(words, b.first.position, b.first.bias, b.second.position, b.second.bias);
+}
+template <class Words, int D>
+void transfer(Words& words, ExclusionFix<float, D>& e) {
+  firmware::transfer_all(words, e.fix, e.excluded, e.excluded_count, e.consistent);
+}
+template <class Words>
+void transfer(Words& words, Dop<float>& d) {
+  firmware::transfer_all(words, d.gdop, d.pdop, d.hdop, d.vdop);
+}
+
+}  // namespace uwbpos
+
+namespace {
+
+using namespace uwbpos;
+
+template <int D, std::size_t N>
+struct FromRanges {
+  static constexpr int kRounds = 20;
+  using Input = std::array<RangeTo<float, D>, N>;
+  using Output = Result<Fix<float, D>>;
+};
+
+struct LeastSquares3 : FromRanges<3, 8> {
+  static Output run(const Input& in) { return toa_least_squares(in); }
+};
+struct LeastSquares2 : FromRanges<2, 4> {
+  static Output run(const Input& in) { return toa_least_squares(in); }
+};
+struct Linear3 : FromRanges<3, 8> {
+  static Output run(const Input& in) { return toa_linear(in); }
+};
+struct Chan3 : FromRanges<3, 8> {
+  static Output run(const Input& in) { return toa_chan(in); }
+};
+struct ClosedForm3 : FromRanges<3, 4> {
+  using Output = Result<Mirror<float, 3>>;
+  static Output run(const Input& in) { return toa_closed_form(in); }
+};
+struct Locate3 : FromRanges<3, 8> {
+  static Output run(const Input& in) { return locate(in); }
+};
+struct Locate2 : FromRanges<2, 4> {
+  static Output run(const Input& in) { return locate(in); }
+};
+
+// Anchors on one ceiling, the tag below it.
+struct LocateCeiling : FromRanges<3, 6> {
+  static Output run(const Input& in) { return locate(in, {.side = {0, 0, -1}}); }
+#ifndef FIRMWARE_TARGET
+  static void make(Input& in, sim::Random& random, int) {
+    const Vec<double, 3> tag{random.uniform(0, 20), random.uniform(0, 15), random.uniform(0, 2)};
+    for (std::size_t i = 0; i < in.size(); ++i) {
+      Vec<double, 3> anchor = firmware::point_in_room(random);
+      anchor[2] = 5;
+      in[i] = {anchor.cast<float>(),
+               firmware::to_float((tag - anchor).norm() + random.normal(0, 0.1)), 0.1f};
+    }
+  }
+#endif
+};
+
+// Every other round one range is metres off.
+struct Excluding3 : FromRanges<3, 8> {
+  static constexpr int kRounds = 10;
+  using Output = Result<ExclusionFix<float, 3>>;
+  static Output run(const Input& in) { return locate_excluding(in); }
+#ifndef FIRMWARE_TARGET
+  static void make(Input& in, sim::Random& random, int round) {
+    firmware::make(in, random);
+    if (round % 2 == 1) in[static_cast<std::size_t>(round) % 8].range += 4;
+  }
+#endif
+};
+
+struct Bancroft3 : FromRanges<3, 8> {
+  using Output = Result<BancroftSolution<float, 3>>;
+  static Output run(const Input& in) { return bancroft(in); }
+};
+struct WithBias3 : FromRanges<3, 8> {
+  using Output = Result<BiasedFix<float, 3>>;
+  static Output run(const Input& in) { return locate_with_bias(in); }
+};
+struct Dilution3 : FromRanges<3, 8> {
+  using Output = Result<Dop<float>>;
+  static Output run(const Input& in) {
+    std::array<Vec<float, 3>, 8> anchors;
+    for (std::size_t i = 0; i < 8; ++i) anchors[i] = in[i].anchor;
+    return range_dop(anchors, Vec<float, 3>{7, 6, 2});
+  }
+};
+struct Bound3 : FromRanges<3, 8> {
+  using Output = Result<Mat<float, 3>>;
+  static Output run(const Input& in) { return cramer_rao_bound(in, Vec<float, 3>{7, 6, 2}); }
+};
+
+}  // namespace
+
+FIRMWARE_FUNCTION(toa_least_squares_3d_8, LeastSquares3)
+FIRMWARE_FUNCTION(toa_least_squares_2d_4, LeastSquares2)
+FIRMWARE_FUNCTION(toa_linear_3d_8, Linear3)
+FIRMWARE_FUNCTION(toa_chan_3d_8, Chan3)
+FIRMWARE_FUNCTION(toa_closed_form_3d_4, ClosedForm3)
+FIRMWARE_FUNCTION(locate_3d_8, Locate3)
+FIRMWARE_FUNCTION(locate_2d_4, Locate2)
+FIRMWARE_FUNCTION(locate_ceiling_6, LocateCeiling)
+FIRMWARE_FUNCTION(locate_excluding_3d_8, Excluding3)
+FIRMWARE_FUNCTION(bancroft_3d_8, Bancroft3)
+FIRMWARE_FUNCTION(locate_with_bias_3d_8, WithBias3)
+FIRMWARE_FUNCTION(range_dop_3d_8, Dilution3)
+FIRMWARE_FUNCTION(cramer_rao_bound_3d_8, Bound3)
+
+std::span<const firmware::Entry> firmware::position_entries() {
+  static constexpr Entry kEntries[] = {FIRMWARE_ENTRY(toa_least_squares_3d_8, LeastSquares3),
+                                       FIRMWARE_ENTRY(toa_least_squares_2d_4, LeastSquares2),
+                                       FIRMWARE_ENTRY(toa_linear_3d_8, Linear3),
+                                       FIRMWARE_ENTRY(toa_chan_3d_8, Chan3),
+                                       FIRMWARE_ENTRY(toa_closed_form_3d_4, ClosedForm3),
+                                       FIRMWARE_ENTRY(locate_3d_8, Locate3),
+                                       FIRMWARE_ENTRY(locate_2d_4, Locate2),
+                                       FIRMWARE_ENTRY(locate_ceiling_6, LocateCeiling),
+                                       FIRMWARE_ENTRY(locate_excluding_3d_8, Excluding3),
+                                       FIRMWARE_ENTRY(bancroft_3d_8, Bancroft3),
+                                       FIRMWARE_ENTRY(locate_with_bias_3d_8, WithBias3),
+                                       FIRMWARE_ENTRY(range_dop_3d_8, Dilution3),
+                                       FIRMWARE_ENTRY(cramer_rao_bound_3d_8, Bound3)};
+  return kEntries;
+}

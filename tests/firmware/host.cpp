@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: MIT
+// Runs every case on the host and writes its inputs and outputs as a header for the target.
+#include <cstdio>
+#include <vector>
+
+#include "cases/entries.hpp"
+
+namespace {
+
+void print_table(const char* symbol, const char* what, const std::vector<firmware::Word>& words) {
+  std::printf("inline constexpr firmware::Word %s_%s[] = {", symbol, what);
+  for (std::size_t i = 0; i < words.size(); ++i) {
+    std::printf("%s0x%08xu,", i % 8 == 0 ? "\n" : "", static_cast<unsigned>(words[i]));
+  }
+  std::printf("};\n");
+}
+
+}  // namespace
+
+int main() {
+  std::vector<firmware::Entry> entries;
+  for (const auto& unit : {FIRMWARE_UNITS}) entries.insert(entries.end(), unit.begin(), unit.end());
+  std::printf("// Written by tests/firmware/host.cpp.\n");
+  for (const firmware::Entry& entry : entries) {
+    std::vector<firmware::Word> inputs;
+    std::vector<firmware::Word> outputs;
+    entry.record(entry.symbol, inputs, outputs);
+    print_table(entry.symbol, "inputs", inputs);
+    print_table(entry.symbol, "outputs", outputs);
+  }
+  std::printf("inline constexpr firmware::Recording kRecordings[] = {\n");
+  for (const firmware::Entry& entry : entries) {
+    std::printf("{\"%s\", %d, %s_inputs, %s_outputs},\n", entry.symbol, entry.rounds, entry.symbol,
+                entry.symbol);
+  }
+  std::printf("};\n");
+  return 0;
+}
