@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT
 """What embedded ecosystems take in, each tried as far as a host without their tools can.
-  check.py amalgamated | all_tests | platformio | arduino | esp_idf | zephyr
+  check.py amalgamated | all_tests | too_old | platformio | arduino | esp_idf | zephyr
 Environment: SOURCE, WORK (a folder), CXX, EIGEN (the folder that holds Eigen/Core)."""
 
 import json
@@ -61,6 +61,17 @@ def amalgamate():
 def compiler(*words):
     return [CXX, "-std=c++23", "-O0", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off",
             "-isystem", EIGEN, *words]  # fmt: skip
+
+
+def check_too_old():
+    """C++20 ends in one plain sentence, said first."""
+    unit = WORK / "too_old.cpp"
+    unit.write_text("#include <uwbpos/solve/locate.hpp>\n")
+    failed = subprocess.run([CXX, "-std=c++20", "-fsyntax-only", "-isystem", EIGEN, "-I",
+                             str(SOURCE / "include"), str(unit)],
+                            capture_output=True, text=True, check=False)  # fmt: skip
+    errors = [line for line in failed.stderr.splitlines() if "error:" in line]
+    expect(errors and "uwbpos needs C++23" in errors[0], f"it says {errors[:1]}")
 
 
 def check_amalgamated():
