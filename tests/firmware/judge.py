@@ -118,7 +118,7 @@ def table(results):
         "",
         "Written by `./dev firmware --write`, compared by `./dev firmware`. Each cell: bytes of flash of",
         "the function and all that it needs, bytes of stack (painted), most instructions of a call over",
-        "the recorded inputs. `float`, `-O2`, arm-none-eabi-gcc of Debian 12. A tracker's most expensive",
+        "the recorded inputs. `float`, `-O2` (`-Os` on the M0), arm-none-eabi-gcc of Debian 12. A tracker's most expensive",
         "call is its first fix or a late range that replays its window; its mean stands below.",
         "",
         "| function | " + " | ".join(BOARDS[board] for board in results) + " |",
@@ -179,7 +179,8 @@ def main():
     expected = (build / "host" / "track.txt").read_text() if (build / "host" / "track.txt").is_file() else ""
     results = {}
     for board in BOARDS:
-        if not (build / board).is_dir():
+        if not (build / board / "firmware_target").is_file():
+            fault(f"{board}: not built")
             continue
         results[board] = measure(board, build / board)
         check_track(board, build / board, expected)
