@@ -16,8 +16,9 @@ BOARDS = {
 
 # On the M4F: flash, stack [bytes], most instructions of a call. None: no budget.
 BUDGETS = {
-    "toa_least_squares_3d_8": (None, None, None),
-    "ds_twr_range_asymmetric": (None, None, None),
+    # Not yet what is aimed at (1,600 / 300 / 2,500; 150 instructions): held where they are.
+    "toa_least_squares_3d_8": (6300, 660, 8200),
+    "ds_twr_range_asymmetric": (2000, 272, 350),
     "kalman_update_6_3": (None, None, 700),
     "two_tag_pose_": (None, None, 400),
 }
@@ -189,8 +190,10 @@ def main():
     text = table(results)
     if "--write" in sys.argv:
         path.write_text(text)
-    elif len(results) == len(BOARDS):
-        compare(text, path)
+    else:
+        # Columns that the table does not have yet are not compared.
+        old = path.read_text() if path.is_file() else ""
+        compare(table({board: rows for board, rows in results.items() if BOARDS[board] in old}), path)
     return 1 if faults else 0
 
 
