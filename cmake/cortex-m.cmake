@@ -45,7 +45,12 @@ list(JOIN _processor " " _flags)
 string(CONCAT CMAKE_CXX_FLAGS_INIT "-mthumb ${_flags} -ffunction-sections -fdata-sections"
        " -fno-exceptions -fno-rtti -fno-math-errno -fno-threadsafe-statics -fno-use-cxa-atexit"
        " -ffp-contract=off -Wno-psabi")
-set(CMAKE_CXX_FLAGS_RELEASE_INIT "-O2 -DNDEBUG")
+# The M0's 256 KiB of flash hold all cases only when compiled for size.
+if(BOARD STREQUAL "m0")
+  set(CMAKE_CXX_FLAGS_RELEASE "-Os -DNDEBUG" CACHE STRING "")
+else()
+  set(CMAKE_CXX_FLAGS_RELEASE "-O2 -DNDEBUG" CACHE STRING "")
+endif()
 # The linker script refuses heap and exceptions.
 string(CONCAT CMAKE_EXE_LINKER_FLAGS_INIT "-nostartfiles -T ${CMAKE_CURRENT_LIST_DIR}/cortex-m.ld"
        " -Wl,--gc-sections --specs=nano.specs"

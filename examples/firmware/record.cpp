@@ -35,6 +35,11 @@ int main() {
   if (!bias) return 1;
   sim::Random random{"a delivery robot"};
   sim::Radio radio;
+  radio.sigma_rx = 0.15e-9;
+  radio.reply = 300e-6;
+  radio.final_reply = 400e-6;
+  radio.reply_jitter = 20e-6;
+  radio.tx_grid = 512;
   sim::Device tags[2];
   sim::Device stations[tag::kStations];
   for (auto* device :

@@ -16,8 +16,9 @@ BOARDS = {
 
 # On the M4F: flash, stack [bytes], most instructions of a call. None: no budget.
 BUDGETS = {
-    "toa_least_squares_3d_8": (None, None, None),
-    "ds_twr_range_asymmetric": (None, None, None),
+    # Not yet what is aimed at (1,600 / 300 / 2,500; 150 instructions): held where they are.
+    "toa_least_squares_3d_8": (6300, 660, 8200),
+    "ds_twr_range_asymmetric": (2000, 272, 350),
     "kalman_update_6_3": (None, None, 700),
     "two_tag_pose_": (None, None, 400),
 }
@@ -29,6 +30,9 @@ SLACK_AT_LEAST = 32
 FORBIDDEN = re.compile(
     r" (__aeabi_d\w+|__aeabi_f2d|_*malloc\w*|_sbrk|_Zn[wa]\w+|__cxa_throw|_Unwind_\w+|_ZSt4cout|\w*printf\w*)$"
 )
+
+# libgcc of ARMv6-M turns 64-bit integers into float by way of double; nothing here asks for it.
+OF_INTEGERS_ON_M0 = {"__aeabi_d2f", "__aeabi_dadd", "__aeabi_dmul"}
 
 faults = []
 
@@ -66,7 +70,7 @@ def check_symbols(board, path):
     ).stdout  # fmt: skip
     for line in names.splitlines():
         found = FORBIDDEN.search(line)
-        if found:
+        if found and not (board == "m0" and found.group(1) in OF_INTEGERS_ON_M0):
             fault(f"{board}: {path.name} holds {found.group(1)}")
 
 
@@ -118,7 +122,7 @@ def table(results):
         "",
         "Written by `./dev firmware --write`, compared by `./dev firmware`. Each cell: bytes of flash of",
         "the function and all that it needs, bytes of stack (painted), most instructions of a call over",
-        "the recorded inputs. `float`, `-O2`, arm-none-eabi-gcc of Debian 12. A tracker's most expensive",
+        "the recorded inputs. `float`, `-O2` (`-Os` on the M0), arm-none-eabi-gcc of Debian 12. A tracker's most expensive",
         "call is its first fix or a late range that replays its window; its mean stands below.",
         "",
         "| function | " + " | ".join(BOARDS[board] for board in results) + " |",
@@ -179,7 +183,8 @@ def main():
     expected = (build / "host" / "track.txt").read_text() if (build / "host" / "track.txt").is_file() else ""
     results = {}
     for board in BOARDS:
-        if not (build / board).is_dir():
+        if not (build / board / "firmware_target").is_file():
+            fault(f"{board}: not built")
             continue
         results[board] = measure(board, build / board)
         check_track(board, build / board, expected)
@@ -188,8 +193,10 @@ def main():
     text = table(results)
     if "--write" in sys.argv:
         path.write_text(text)
-    elif len(results) == len(BOARDS):
-        compare(text, path)
+    else:
+        # Columns that the table does not have yet are not compared.
+        old = path.read_text() if path.is_file() else ""
+        compare(table({board: rows for board, rows in results.items() if BOARDS[board] in old}), path)
     return 1 if faults else 0
 
 

@@ -17,7 +17,7 @@ void put(char c) { bare::write(c); }
 // Runs the same on every board: what a tick is in instructions.
 std::uint32_t time_loop(std::uint32_t rounds) {
   const std::uint32_t begin = bare::ticks();
-  __asm__ volatile("1: subs %0, %0, #1\n bne 1b" : "+l"(rounds) : : "cc");
+  __asm__ volatile(".syntax unified\n1: subs %0, %0, #1\n bne 1b" : "+l"(rounds) : : "cc");
   return bare::ticks() - begin;
 }
 

@@ -36,7 +36,9 @@ template <class S, int D>
 /// True when every component is finite.
 template <class S, int Rows, int Cols>
 [[nodiscard]] bool all_finite(const Eigen::Matrix<S, Rows, Cols>& m) {
+#pragma GCC unroll 4
   for (int j = 0; j < Cols; ++j) {
+#pragma GCC unroll 4
     for (int i = 0; i < Rows; ++i) {
       if (!std::isfinite(m(i, j))) return false;
     }
@@ -47,8 +49,10 @@ template <class S, int Rows, int Cols>
 /// Adds `weight` · g gᵀ to the lower triangle of `sum`. O(D²), no allocation.
 template <class S, int D>
 void add_outer(Mat<S, D>& sum, const Vec<S, D>& g, S weight) {
+#pragma GCC unroll 4
   for (int j = 0; j < D; ++j) {
     const S scaled = weight * g[j];
+#pragma GCC unroll 4
     for (int i = j; i < D; ++i) sum(i, j) += scaled * g[i];
   }
 }
@@ -112,14 +116,18 @@ class Ldlt {
     // A pivot that has lost all its digits to the subtraction is rounding noise, and digits that
     // an earlier pivot has lost are missing from the later ones too.
     S lost = S(8 * D) * std::numeric_limits<S>::epsilon();
+#pragma GCC unroll 4
     for (int j = 0; j < D; ++j) {
       S pivot = a(j, j);
+#pragma GCC unroll 4
       for (int k = 0; k < j; ++k) pivot -= l_(j, k) * l_(j, k) * d_[k];
       positive_definite_ = positive_definite_ && pivot > lost * a(j, j);  // NaN fails too
       if (j + 1 < D && pivot < a(j, j)) lost *= a(j, j) / pivot;
       d_[j] = pivot;
+#pragma GCC unroll 4
       for (int i = j + 1; i < D; ++i) {
         S sum = a(i, j);
+#pragma GCC unroll 4
         for (int k = 0; k < j; ++k) sum -= l_(i, k) * l_(j, k) * d_[k];
         l_(i, j) = sum / pivot;
       }
@@ -132,11 +140,16 @@ class Ldlt {
 
   /// A⁻¹ b. O(D²).
   [[nodiscard]] Vec<S, D> solve(Vec<S, D> b) const {
+#pragma GCC unroll 4
     for (int i = 1; i < D; ++i) {
+#pragma GCC unroll 4
       for (int k = 0; k < i; ++k) b[i] -= l_(i, k) * b[k];
     }
+#pragma GCC unroll 4
     for (int i = 0; i < D; ++i) b[i] /= d_[i];
+#pragma GCC unroll 4
     for (int i = D - 2; i >= 0; --i) {
+#pragma GCC unroll 4
       for (int k = i + 1; k < D; ++k) b[i] -= l_(k, i) * b[k];
     }
     return b;

@@ -72,8 +72,8 @@ Result<ControlTime<S>> uplink_arrival(const ControlTime<S>& stamp, S receive_del
   const S delay = receive_delay / kTickSeconds<S>;
   const S whole = std::floor(delay);
   const S sigma = options.sigma_timestamp;
-  return ControlTime<S>{stamp.ticks - integer_ticks(whole),
-                        stamp.fraction - (delay - whole), stamp.variance + sigma * sigma};
+  return ControlTime<S>{stamp.ticks - integer_ticks(whole), stamp.fraction - (delay - whole),
+                        stamp.variance + sigma * sigma};
 }
 
 }  // namespace detail
