@@ -10,6 +10,7 @@
 #include "command_line.hpp"
 #include "diagnosis.hpp"
 #include "failure.hpp"
+#include "filtering.hpp"
 #include "output.hpp"
 #include "progress.hpp"
 #include "report.hpp"
@@ -91,7 +92,8 @@ int run_replay(const Settings& settings) {
   if (!recording.site.anchors.empty()) {
     Progress progress{"solving"};
     const auto told = [&](std::size_t done, std::size_t of) { progress(done, of); };
-    result = recording.differences.empty()
+    result = settings.filter ? replay_filtered(settings, recording, told)
+             : recording.differences.empty()
                  ? replay(settings, recording.site, recording.readings, told)
                  : replay_differences(settings, recording.site, recording.differences, told);
   }
