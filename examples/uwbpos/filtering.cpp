@@ -78,7 +78,7 @@ std::vector<EpochEnd> epoch_ends(const Settings& settings, const Site& site, boo
   if (!readings.empty()) {
     std::vector<std::pair<Id, Id>> links;
     std::vector<Epoch> epochs;
-    if (body) {
+    if (body && !site.tags.empty()) {
       epochs = body_epochs(site, readings, settings.epoch_window, links, result.rule);
     } else {
       result.rule = epoch_rule(readings, settings.epoch_window);
@@ -263,8 +263,7 @@ std::vector<InertialReading> thinned(const std::vector<InertialReading>& samples
   return kept;
 }
 
-BankOptions bank_options(const Settings& settings, const Site& site, const Plan& plan, Id tag,
-                         bool sigma_told) {
+BankOptions bank_options(const Settings& settings, const Site& site, const Plan& plan, Id tag) {
   BankOptions o;
   o.motion = plan.unit && plan.dim == 3 ? BodyMotion::kInertial
              : plan.body                ? BodyMotion::kPlanarBody
@@ -290,7 +289,6 @@ BankOptions bank_options(const Settings& settings, const Site& site, const Plan&
   }
   o.prior = settings.prior;
   o.network = site.network;
-  o.sigma_told = sigma_told;
   return o;
 }
 
@@ -301,14 +299,14 @@ std::string words_for(const Plan& plan) {
                        : "a point in the plane that moves on as it does";
 }
 
-void follow_all(const Settings& settings, const Site& site, const Plan& plan, bool sigma_told,
+void follow_all(const Settings& settings, const Site& site, const Plan& plan,
                 const std::vector<InertialReading>& samples, Replay& result,
                 const std::function<void(std::size_t, std::size_t)>& progress) {
   std::size_t of = 0;
   std::size_t done = 0;
   for (const auto& [tag, stream] : plan.streams) of += stream.measurements.size();
   for (const auto& [tag, stream] : plan.streams) {
-    Follow follow{site, plan, tag, bank_options(settings, site, plan, tag, sigma_told), result};
+    Follow follow{site, plan, tag, bank_options(settings, site, plan, tag), result};
     std::size_t sample = 0;
     std::size_t end = 0;
     const auto samples_until = [&](std::int64_t time) {
@@ -403,12 +401,7 @@ Replay replay_filtered(Settings settings, const Recording& recording,
   }
   f.motion = words_for(plan);
 
-  bool told = settings.sigma.has_value();
-  double of_difference = settings.sigma.value_or(kRangeSigma) * std::numbers::sqrt2;
-  if (!told) {
-    const auto tells = [](const auto& m) { return m.sigma.has_value(); };
-    told = std::ranges::all_of(readings, tells) && std::ranges::all_of(differences, tells);
-  }
+  const double of_difference = settings.sigma.value_or(kRangeSigma) * std::numbers::sqrt2;
   plan.start = std::numeric_limits<double>::infinity();
   for (const Reading& r : readings) plan.start = std::min(plan.start, r.t);
   for (const Difference& d : differences) plan.start = std::min(plan.start, d.t);
@@ -446,7 +439,7 @@ Replay replay_filtered(Settings settings, const Recording& recording,
     samples = thinned(recording.samples);
     std::erase_if(samples, [&](const auto& s) { return !(std::abs(s.t - plan.start) < longest); });
   }
-  follow_all(settings, site, plan, told, samples, result, progress);
+  follow_all(settings, site, plan, samples, result, progress);
 
   std::ranges::stable_sort(result.track, {}, &Position::t);
   if (result.residuals_to_truth) {

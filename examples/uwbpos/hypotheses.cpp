@@ -7,7 +7,9 @@
 #include <deque>
 #include <limits>
 #include <numbers>
+#include <type_traits>
 #include <utility>
+#include <variant>
 
 #include "uwbpos/filter/motion/constant_velocity.hpp"
 #include "uwbpos/filter/motion/inertial.hpp"
@@ -21,6 +23,7 @@ namespace {
 
 constexpr double kMemory = 10;          // T of (1) [s]
 constexpr double kOutlierShare = 0.05;  // ε
+constexpr double kCorrelated = 10;      // successive errors of a link that are as good as one
 constexpr double kOutlierWidth = 10;    // w [m]
 constexpr double kLateStart = 5;        // what a track that begins later is behind the best
 constexpr std::int64_t kSecond = 1'000'000;
@@ -55,6 +58,10 @@ Estimate estimate_of(const InertialPose<double>& p, double) {
   e.attitude = rotation_of(p.body.orientation);
   return e;
 }
+
+// Whether an inertial unit drives a motion.
+template <class Motion>
+constexpr bool kDriven = std::is_same_v<Motion, Inertial<double>>;
 
 // A tracker of one motion, with a factor on the sigmas of what it is fed.
 template <class Motion>
@@ -103,109 +110,110 @@ class Follower final : public Hypothesis {
     return options_.model.motion.place(tracker_->track().state, lever(tag));
   }
   [[nodiscard]] bool tracking() const override { return tracker_->tracking(); }
-  [[nodiscard]] bool inertial() const override {
-    return requires { Motion::Input::gyro; };
-  }
+  [[nodiscard]] bool inertial() const override { return kDriven<Motion>; }
 
  private:
   static constexpr TrackerSize kSize{
-      .anchors = kMostAnchors, .tags = 16, .window = requires {Motion::Input::gyro;
-} ? 512 : 128, .stride = 32
-};  // namespace
-using Following = Tracker<Motion, kSize>;
+      .anchors = kMostAnchors, .tags = 16, .window = kDriven<Motion> ? 512 : 128, .stride = 32};
+  using Following = Tracker<Motion, kSize>;
 
-// What biases of links depend on.
-struct Attitude {
-  Mat<double, 3> map_R_body;
-  Vec3 position;
-};
-struct Early {
-  std::int64_t time;
-  std::variant<TimedMeasurement, InertialReading> what;
-};
-
-[[nodiscard]] bool keeps_early() const { return bank_.network && Motion::kHasHeading; }
-
-void make() {
-  tracker_ = std::make_unique<Following>(options_);
-  const auto expect = [](const Result<void>& added, const char* what) {
-    if (!added) throw Failure{std::string{what} + ": " + std::string{describe(added.error())}};
+  // What biases of links depend on.
+  struct Attitude {
+    Mat<double, 3> map_R_body;
+    Vec3 position;
   };
-  for (const auto& [id, position] : bank_.anchors) {
-    expect(tracker_->add_anchor(id, position), "anchors for --filter");
-  }
-  if constexpr (Motion::kHasHeading) {
-    for (const auto& [id, arm] : bank_.tags) {
-      expect(tracker_->add_tag(id, arm), "tags for --filter");
+  struct Early {
+    std::int64_t time;
+    std::variant<TimedMeasurement, InertialReading> what;
+  };
+
+  [[nodiscard]] bool keeps_early() const { return bank_.network && Motion::kHasHeading; }
+
+  void make() {
+    tracker_ = std::make_unique<Following>(options_);
+    const auto expect = [](const Result<void>& added, const char* what) {
+      if (!added) throw Failure{std::string{what} + ": " + std::string{describe(added.error())}};
+    };
+    for (const auto& [id, position] : bank_.anchors) {
+      expect(tracker_->add_anchor(id, position), "anchors for --filter");
     }
-  }
-}
-
-static ImuSample<double> of(std::int64_t time, const InertialReading& sample) {
-  return {time, sample.gyro, sample.accelerometer};
-}
-
-[[nodiscard]] Vec3 lever(Id tag) const {
-  const auto found = bank_.tags.find(tag);
-  return Motion::kHasHeading && found != bank_.tags.end() ? found->second : Vec3{Vec3::Zero()};
-}
-
-[[nodiscard]] std::optional<Attitude> now() const {
-  if constexpr (Motion::kHasHeading) {
-    if (!bank_.network) return std::nullopt;
-    const auto& track = tracker_->track();
-    const auto pose = options_.model.motion.pose(track.time, track.state, track.covariance);
-    return Attitude{attitude_of(pose),
-                    options_.model.motion.place(track.state, Vec3{Vec3::Zero()})};
-  } else {
-    return std::nullopt;
-  }
-}
-
-[[nodiscard]] double bias(const std::optional<Attitude>& from, Id tag, Id anchor) const {
-  if (!from) return 0;
-  const Vec3 place = from->position + from->map_R_body * lever(tag);
-  const Vec3 offset = bank_.anchors.at(anchor) - place;
-  return bank_.network->bias(tag, anchor, offset, from->map_R_body).value_or(0);
-}
-
-auto feed(const TimedMeasurement& m, const std::optional<Attitude>& from) {
-  const double sigma = factor_ * m.sigma;
-  if (m.is_difference) {
-    const double value = m.value - (bias(from, m.tag, m.anchor_b) - bias(from, m.tag, m.anchor_a));
-    return tracker_->update(
-        TimedDifference<double>{m.time, m.anchor_a, m.anchor_b, value, sigma, m.tag, m.shared});
-  }
-  const double value = m.value - bias(from, m.tag, m.anchor_b);
-  return tracker_->update(TimedRange<double>{m.time, m.anchor_b, value, sigma, m.tag});
-}
-
-// The network needs a pose, the first pose the network: begins again with the biases at the
-// pose that biased measurements gave, twice.
-void unbias_start() {
-  if (!keeps_early()) return;
-  for (int round = 0; round < 2; ++round) {
-    const auto from = now();
-    const auto before = std::exchange(tracker_, nullptr);
-    make();
-    for (const Early& early : early_) {
-      if (const auto* m = std::get_if<TimedMeasurement>(&early.what)) {
-        static_cast<void>(feed(*m, from));
-      } else if (const auto* sample = std::get_if<InertialReading>(&early.what)) {
-        static_cast<void>(tracker_->update(of(early.time, *sample)));
+    if constexpr (Motion::kHasHeading) {
+      for (const auto& [id, arm] : bank_.tags) {
+        expect(tracker_->add_tag(id, arm), "tags for --filter");
       }
     }
-    if (!tracker_->tracking()) return;  // it begins with what comes next
   }
-  early_.clear();
-}
 
-const BankOptions& bank_;
-TrackerOptions<Motion> options_;
-double factor_;
-std::unique_ptr<Following> tracker_;
-std::deque<Early> early_;
+  static ImuSample<double> of(std::int64_t time, const InertialReading& sample) {
+    return {time, sample.gyro, sample.accelerometer};
+  }
+
+  [[nodiscard]] Vec3 lever(Id tag) const {
+    const auto found = bank_.tags.find(tag);
+    return Motion::kHasHeading && found != bank_.tags.end() ? found->second : Vec3{Vec3::Zero()};
+  }
+
+  [[nodiscard]] std::optional<Attitude> now() const {
+    if constexpr (Motion::kHasHeading) {
+      if (!bank_.network) return std::nullopt;
+      const auto& track = tracker_->track();
+      const auto pose = options_.model.motion.pose(track.time, track.state, track.covariance);
+      return Attitude{attitude_of(pose),
+                      options_.model.motion.place(track.state, Vec3{Vec3::Zero()})};
+    } else {
+      return std::nullopt;
+    }
+  }
+
+  [[nodiscard]] double bias(const std::optional<Attitude>& from, Id tag, Id anchor) const {
+    if (!from) return 0;
+    const Vec3 place = from->position + from->map_R_body * lever(tag);
+    const Vec3 offset = bank_.anchors.at(anchor) - place;
+    return bank_.network->bias(tag, anchor, offset, from->map_R_body).value_or(0);
+  }
+
+  auto feed(const TimedMeasurement& m, const std::optional<Attitude>& from) {
+    const double sigma = factor_ * m.sigma;
+    if (m.is_difference) {
+      const double value =
+          m.value - (bias(from, m.tag, m.anchor_b) - bias(from, m.tag, m.anchor_a));
+      return tracker_->update(
+          TimedDifference<double>{m.time, m.anchor_a, m.anchor_b, value, sigma, m.tag, m.shared});
+    }
+    const double value = m.value - bias(from, m.tag, m.anchor_b);
+    return tracker_->update(TimedRange<double>{m.time, m.anchor_b, value, sigma, m.tag});
+  }
+
+  // The network needs a pose, the first pose the network: begins again with the biases at the
+  // pose that biased measurements gave, twice.
+  void unbias_start() {
+    if (!keeps_early()) return;
+    for (int round = 0; round < 2; ++round) {
+      const auto from = now();
+      const auto before = std::exchange(tracker_, nullptr);
+      make();
+      for (const Early& early : early_) {
+        if (const auto* m = std::get_if<TimedMeasurement>(&early.what)) {
+          static_cast<void>(feed(*m, from));
+        } else if (const auto* sample = std::get_if<InertialReading>(&early.what)) {
+          static_cast<void>(tracker_->update(of(early.time, *sample)));
+        }
+      }
+      if (!tracker_->tracking()) return;  // it begins with what comes next
+    }
+    early_.clear();
+  }
+
+  const BankOptions& bank_;
+  TrackerOptions<Motion> options_;
+  double factor_;
+  std::unique_ptr<Following> tracker_;
+  std::deque<Early> early_;
 };  // namespace uwbpos::host
+
+// What hypotheses are compared by. Errors of a radio outlast a measurement, as what bends its waves
+// does: so many count as one, or the noise of correlated errors would pass for motion.
+double credit(const Hypothesis& h) { return h.score / kCorrelated - h.handicap; }
 
 double log_likelihood(const Verdict& verdict) {
   double p = kOutlierShare / kOutlierWidth;
@@ -230,11 +238,9 @@ TrackerOptions<Motion> options_for(const BankOptions& bank) {
   return options;
 }
 
-// Of sigmas that the log or the user tells, which as a rule is what the radio knows of its noise;
-// and of the default of 0.1 m.
-std::vector<double> sigma_factors(bool told) {
-  return told ? std::vector<double>{1, 2} : std::vector<double>{0.6, 1, 1.8};
-}
+// Of sigmas: as they are told, or the default, and for a radio in a worse place than that. Not
+// less: what is correlated looks like little noise.
+constexpr std::array<double, 2> kSigmaFactors{1, 1.8};
 
 }  // namespace
 
@@ -251,16 +257,27 @@ HypothesisBank::HypothesisBank(BankOptions options) : options_{std::move(options
       add_inertial();
       break;
     case BodyMotion::kPlanarBody:
-      for (const double factor : sigma_factors(options_.sigma_told)) {
-        // Forward, sideward [m/s²/√Hz] and angular [rad/s²/√Hz]: a trolley, a robot, a nimble one.
-        constexpr std::array<std::array<double, 3>, 4> motions{
-            {{0.05, 0.01, 0.15}, {0.2, 0.05, 0.5}, {0.5, 0.5, 1}, {2, 2, 4}}};
+      for (const double factor : kSigmaFactors) {
+        // Forward, sideward [m/s²/√Hz] and angular [rad/s²/√Hz], from a trolley that is pushed at a
+        // walk to a nimble robot. Each is believed a little less beforehand than the one before.
+        constexpr std::array<std::array<double, 3>, 6> motions{{{0.01, 0.001, 0.05},
+                                                                {0.02, 0.002, 0.1},
+                                                                {0.05, 0.01, 0.15},
+                                                                {0.2, 0.05, 0.5},
+                                                                {0.5, 0.5, 1},
+                                                                {2, 2, 4}}};
+        constexpr double handicap = 4;
+        double less = 0;
         for (const auto& [forward, sideward, angular] : motions) {
           auto o = options_for<PlanarBody<double>>(options_);
           o.model.motion.acceleration = forward;
           o.model.motion.sideward_acceleration = sideward;
           o.model.motion.turn_acceleration = angular;
+          // Several tags tell enough of each other to do without all that bends or echoes.
+          o.model.gate.sigmas = 2;
           all_.push_back(std::make_unique<Follower<PlanarBody<double>>>(options_, o, factor));
+          all_.back()->handicap = less;
+          less += handicap;
         }
       }
       break;
@@ -268,7 +285,7 @@ HypothesisBank::HypothesisBank(BankOptions options) : options_{std::move(options
 }
 
 void HypothesisBank::add_points(int dimension) {
-  for (const double factor : sigma_factors(options_.sigma_told)) {
+  for (const double factor : kSigmaFactors) {
     for (const double acceleration : {0.15, 0.5, 1.5, 5.0}) {
       if (dimension == 2) {
         auto o = options_for<ConstantVelocity<double, 2>>(options_);
@@ -287,14 +304,17 @@ void HypothesisBank::add_points(int dimension) {
 
 void HypothesisBank::add_inertial() {
   constexpr int yaws = 8;
-  for (const bool shaken : {false, true}) {
+  // Noise of accelerometer and gyro, by how much the frame shakes, and the factor on sigmas.
+  constexpr std::array<std::array<double, 3>, 3> noises{
+      {{0.1, 0.005, 1}, {0.5, 0.02, 1}, {0.3, 0.01, 1.8}}};
+  for (const auto& [accelerometer, gyro, factor] : noises) {
     for (int k = 0; k < yaws; ++k) {
       auto o = options_for<Inertial<double>>(options_);
       constexpr double spread = 0.4;  // [rad], half of the way to the next
       o.heading = Measured<double>{wrap_angle(2 * std::numbers::pi * k / yaws), spread * spread};
-      o.model.motion.accelerometer_noise = shaken ? 0.5 : 0.1;
-      o.model.motion.gyro_noise = shaken ? 0.02 : 0.005;
-      all_.push_back(std::make_unique<Follower<Inertial<double>>>(options_, o, 1.0));
+      o.model.motion.accelerometer_noise = accelerometer;
+      o.model.motion.gyro_noise = gyro;
+      all_.push_back(std::make_unique<Follower<Inertial<double>>>(options_, o, factor));
     }
   }
 }
@@ -302,7 +322,7 @@ void HypothesisBank::add_inertial() {
 void HypothesisBank::choose() {
   best_ = nullptr;
   for (const auto& h : all_) {
-    if (h->tracking() && (best_ == nullptr || h->score > best_->score)) best_ = h.get();
+    if (h->tracking() && (best_ == nullptr || credit(*h) > credit(*best_))) best_ = h.get();
   }
 }
 
@@ -385,7 +405,7 @@ Result<Estimate> HypothesisBank::at(std::int64_t time) {
   std::vector<Weighed> weighed;
   double total = 0;
   for (const auto& h : all_) {
-    const double weight = std::exp(h->score - best_->score);
+    const double weight = std::exp(credit(*h) - credit(*best_));
     if (!h->tracking() || weight < 1e-3) continue;
     auto e = h.get() == best_ ? best : h->at(time);
     if (!e) continue;

@@ -73,7 +73,8 @@ class Hypothesis {
   /// Whether it needs an inertial unit.
   [[nodiscard]] virtual bool inertial() const = 0;
 
-  double score = 0;  ///< (1)
+  double score = 0;     ///< (1)
+  double handicap = 0;  ///< how much less it is believed beforehand than the first
 };
 
 /// How the body moves.
@@ -88,7 +89,6 @@ struct BankOptions {
   std::optional<Vec3> side = std::nullopt;     ///< where the tags are, of coplanar anchors
   std::optional<Vec3> prior = std::nullopt;    ///< [m]
   std::shared_ptr<const LinkNetwork> network;  ///< of the links' biases
-  bool sigma_told = false;                     ///< by the log or the user
 };
 
 /// Hypotheses of one body.

@@ -177,6 +177,39 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
         count_of(replay.excluded, "difference"), replay.excluded == 1 ? "an outlier" : "outliers",
         worst->first, worst->second));
   }
+  if (replay.filtering) {
+    const Filtering& f = *replay.filtering;
+    for (const auto& [reason, count] : f.refused) {
+      said.push_back(fmt::format("{} refused by the filter: {}.", count_of(count, "measurement"),
+                                 reason_words(reason)));
+    }
+    if (f.reopened > 0) {
+      said.push_back(fmt::format(
+          "The filter was locked out by its own gate and began anew where measurements agreed, {}.",
+          count_of(f.reopened, "time")));
+    }
+    if (!f.unused_unit.empty()) {
+      said.push_back(fmt::format("The inertial unit was not used: {}.", f.unused_unit));
+    }
+    if (replay.body && replay.dim == 3) {
+      const std::size_t without = replay.body->track.size() - f.inertial_epochs;
+      if (4 * without > replay.body->track.size()) {
+        said.push_back(fmt::format(
+            "The inertial unit contradicts the radio: {} of {} poses come from a filter that "
+            "leaves it out. Are its axes those of the body (x forward, y left, z up), its units "
+            "rad/s and m/s², its clock the radio's?",
+            without, replay.body->track.size()));
+      }
+      std::size_t guesses = 0;
+      for (const SolvedPose& p : replay.body->track) guesses += p.heading_known ? 0 : 1;
+      if (guesses > 0) {
+        said.push_back(fmt::format(
+            "{} without a known heading, which one tag shows only once the body has changed its "
+            "velocity; not scored in heading.",
+            count_of(guesses, "pose")));
+      }
+    }
+  }
   for (const SubnetFrame& frame : recording.site.subnets.frames) {
     if (frame.fit_rms == 0) continue;
     said.push_back(fmt::format("Subnet {} fits its surveyed anchors to {:.3f} m rms.", frame.id,

@@ -151,6 +151,26 @@ std::string summary_json(const Settings& settings, const Recording& recording, c
         json["velocity"]["turn_rate_error_degps"] = radians_to_degrees(errors.turn_rate);
       }
     }
+    if (replay->filtering) {
+      const Filtering& f = *replay->filtering;
+      double sum = 0;
+      for (const Innovated& i : f.innovations) sum += i.normalised;
+      Json of_anchor = Json::object();
+      for (const auto& [id, tally] : f.of_anchor) {
+        of_anchor[std::to_string(id)] = {{"used", tally.used}, {"refused", tally.refused}};
+      }
+      json["filter"] = {{"motion", f.motion},
+                        {"used", f.used},
+                        {"refused", json_of(f.refused)},
+                        {"of_anchor", of_anchor},
+                        {"guilty_anchors", guilty_anchors(f)},
+                        {"reopened", f.reopened},
+                        {"inertial_samples", f.samples},
+                        {"inertial_epochs", f.inertial_epochs}};
+      if (!f.innovations.empty()) {
+        json["filter"]["mean_nis"] = sum / static_cast<double>(f.innovations.size());
+      }
+    }
     if (replay->of_tag.size() > 1) {
       Json tags = Json::object();
       for (const auto& [tag, outcome] : replay->of_tag) {
@@ -237,7 +257,10 @@ std::string summary_table(const Settings& settings, const Recording& recording,
   for (const auto& [reason, count] : replay.body ? replay.body->rejected : replay.all.rejected) {
     text += fmt::format("{} rejected: {}\n", count_of(count, "epoch"), reason_words(reason));
   }
-  if (rate_of(replay) > 0) text += fmt::format("{:.0f} solves per second\n", rate_of(replay));
+  if (rate_of(replay) > 0) {
+    text += fmt::format("{:.0f} {} per second\n", rate_of(replay),
+                        replay.filtering ? "measurements" : "solves");
+  }
   return text;
 }
 
