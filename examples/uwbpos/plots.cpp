@@ -270,7 +270,7 @@ Figure heading_figure(const Body& body) {
   Course course{"heading", {}};
   std::vector<double> sizes;
   for (const SolvedPose& p : body.track) {
-    if (!p.truth) continue;
+    if (!p.truth || !p.heading_known) continue;
     const double error =
         radians_to_degrees(angle_difference(p.pose.heading, heading_of(p.truth->rotation)));
     course.points.emplace_back(p.t - body.track.front().t, error);
@@ -390,6 +390,7 @@ Figure map_figure(const Replay& replay, const Points& anchors) {
       "set tmargin 2.6\nset key at graph 0.5, screen 0.985 center top horizontal tc {} samplen 1.2 "
       "width -1 maxrows 1",
       ink(Ink::kText));
+  if (replay.filtering) line(script, "set tmargin 3.6");
   script += "plot ";
   for (std::size_t i = 0; i < tags.size() && replay.all.scored > 0; ++i) {
     line(script, "$truth{} with lines lc {} lw 1.2 {}, \\", i, ink(Ink::kTruth),

@@ -206,7 +206,7 @@ Outcome outcome_of(const Body& body) {
 
 std::optional<HeadingParts> parts_of_heading_error(const Body& body) {
   constexpr std::size_t fewest = 50;
-  if (body.scored < fewest) return std::nullopt;
+  if (body.heading_error.count < fewest) return std::nullopt;
   std::vector<double> steps;
   std::optional<double> last;
   for (const SolvedPose& p : body.track) {

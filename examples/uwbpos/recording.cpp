@@ -193,7 +193,7 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
     }
     if (replay.body && replay.dim == 3) {
       const std::size_t without = replay.body->track.size() - f.inertial_epochs;
-      if (4 * without > replay.body->track.size()) {
+      if (2 * without > replay.body->track.size()) {
         said.push_back(fmt::format(
             "The inertial unit contradicts the radio: {} of {} poses come from a filter that "
             "leaves it out. Are its axes those of the body (x forward, y left, z up), its units "

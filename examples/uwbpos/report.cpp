@@ -52,7 +52,7 @@ std::string numbers(const Replay& replay) {
     text += number(metres(e.median), "median error");
     text += number(metres(e.p95), "95 % are below");
     text += number(metres(e.max), "largest error");
-    if (replay.body) {
+    if (replay.body && replay.body->heading_error.count > 0) {
       text += number(degrees(replay.body->heading_error.rmse), "rmse of the heading");
     }
   }
@@ -98,7 +98,7 @@ std::string tag_table(const Replay& replay) {
   if (replay.of_tag.size() > 1) text += outcome_row("all", replay.all, scored, replay.dim);
   if (replay.body) {
     text += outcome_row("body", outcome_of(*replay.body), replay.body->scored > 0, replay.dim);
-    if (replay.body->scored > 0) {
+    if (replay.body->heading_error.count > 0) {
       const ErrorSummary& e = replay.body->heading_error;
       text += "<tr><td>heading</td><td></td><td></td>";
       for (const double value : {e.rmse, e.mean, e.median, e.p95, e.max}) {
@@ -154,7 +154,7 @@ std::string findings(const Settings& settings, const Recording& recording, const
   }
   if (replay.dim == 3) left += figure(height_figure(view));
   if (replay.body) {
-    if (replay.body->scored > 0) left += figure(heading_figure(*replay.body));
+    if (replay.body->heading_error.count > 0) left += figure(heading_figure(*replay.body));
     if (settings.velocity) {
       const auto twists = twists_of(*replay.body, *settings.velocity);
       if (!twists.empty()) left += figure(twist_figure(twists));

@@ -109,7 +109,7 @@ std::string error_row(std::string_view name, const Outcome& outcome, int dim) {
 
 std::string body_rows(const Body& body, int dim) {
   std::string text = error_row("body", outcome_of(body), dim);
-  if (body.scored == 0) return text;
+  if (body.heading_error.count == 0) return text;
   const ErrorSummary& e = body.heading_error;
   text += fmt::format("{:<10}{:>18}", "heading", "");
   for (const double value : {e.rmse, e.mean, e.median, e.p95, e.max}) {
@@ -138,7 +138,7 @@ std::string summary_json(const Settings& settings, const Recording& recording, c
   if (replay != nullptr) {
     const Body* body = replay->body ? &*replay->body : nullptr;
     add_outcome(json, body != nullptr ? outcome_of(*body) : replay->all);
-    if (body != nullptr && body->scored > 0) {
+    if (body != nullptr && body->heading_error.count > 0) {
       json["heading_error_deg"] = degrees_of(body->heading_error);
     }
     json["solves_per_second"] = rate_of(*replay);
