@@ -7,6 +7,8 @@
 #include <numbers>
 #include <set>
 
+#include <fmt/format.h>
+
 #include "failure.hpp"
 #include "hypotheses.hpp"
 #include "recording.hpp"
@@ -263,6 +265,19 @@ std::vector<InertialReading> thinned(const std::vector<InertialReading>& samples
   return kept;
 }
 
+// Why an accelerometer cannot be one in m/s²; empty if it can. Whatever the body does, it feels g
+// on average, and most of the time.
+std::string implausible(const std::vector<InertialReading>& samples) {
+  constexpr double low = 6;  // [m/s²]
+  constexpr double high = 16;
+  std::vector<double> lengths;
+  for (const InertialReading& s : samples) lengths.push_back(s.accelerometer.norm());
+  const double usual = median(std::move(lengths));
+  if (usual > low && usual < high) return "";
+  return fmt::format(
+      "its accelerometer feels {:.3g} m/s², where gravity alone is 9.8: another unit?", usual);
+}
+
 BankOptions bank_options(const Settings& settings, const Site& site, const Plan& plan, Id tag) {
   BankOptions o;
   o.motion = plan.unit && plan.dim == 3 ? BodyMotion::kInertial
@@ -385,7 +400,8 @@ Replay replay_filtered(Settings settings, const Recording& recording,
     } else if (plan.dim == 2 && !several) {
       f.unused_unit = "one tag in the plane has no heading; --dim 3 uses it";
     } else {
-      plan.unit = true;
+      f.unused_unit = implausible(recording.samples);
+      plan.unit = f.unused_unit.empty();
     }
   }
   plan.body = (several && plan.dim == 2) || (plan.unit && plan.dim == 3);

@@ -165,7 +165,7 @@ TEST_CASE("filtering: a unit whose readings are wrong is left out, and that is s
   Drone drone{"a drone with a bad unit", 20};
   drone.measure(false);
   const double without = drone.filtered(false).all.error.rmse;
-  for (InertialReading& s : drone.samples()) s.accelerometer /= 9.80665;  // in units of g
+  for (InertialReading& s : drone.samples()) s.gyro *= 57.3;  // in degrees
   const Replay with = drone.filtered(true);
   REQUIRE(with.body);
   CHECK(with.body->error.rmse < 1.5 * without);
@@ -174,6 +174,12 @@ TEST_CASE("filtering: a unit whose readings are wrong is left out, and that is s
   std::string said;
   for (const std::string& sentence : remarks(nothing, with, Problems{})) said += sentence;
   CHECK(said.find("contradicts the radio") != std::string::npos);
+
+  // An accelerometer in units of g is known by gravity, before anything is followed.
+  for (InertialReading& s : drone.samples()) s.accelerometer /= 9.80665;
+  const Replay unused = drone.filtered(true);
+  CHECK(unused.filtering->unused_unit.find("gravity") != std::string::npos);
+  CHECK(unused.all.error.rmse == without);
 }
 
 TEST_CASE("filtering: an anchor that lies by two metres throughout is named") {
