@@ -25,7 +25,7 @@ constexpr double kMemory = 10;          // T of (1) [s]
 constexpr double kOutlierShare = 0.05;  // ε
 constexpr double kCorrelated = 10;      // successive errors of a link that are as good as one
 constexpr double kOutlierWidth = 10;    // w [m]
-constexpr double kLateStart = 5;        // what a track that begins later is behind the best
+constexpr double kLateStart = 50;       // what a track that begins later is behind the best
 constexpr std::int64_t kSecond = 1'000'000;
 constexpr int kMostAnchors = 256;
 
