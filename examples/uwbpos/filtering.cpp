@@ -250,7 +250,11 @@ std::vector<InertialReading> thinned(const std::vector<InertialReading>& samples
     kept.push_back({sum.t, sum.gyro / n, sum.accelerometer / n});
     count = 0;
   };
+  // Beyond what units measure and bodies bear: a broken row.
+  constexpr double fastest = 200;   // [rad/s]
+  constexpr double hardest = 2000;  // [m/s²]
   for (const InertialReading& s : samples) {
+    if (!(s.gyro.norm() < fastest) || !(s.accelerometer.norm() < hardest)) continue;
     if (count > 0 && s.t - first >= period) flush();
     if (count == 0) {
       first = s.t;
@@ -454,6 +458,7 @@ Replay replay_filtered(Settings settings, const Recording& recording,
   if (plan.unit) {
     samples = thinned(recording.samples);
     std::erase_if(samples, [&](const auto& s) { return !(std::abs(s.t - plan.start) < longest); });
+    f.samples = samples.size();
   }
   follow_all(settings, site, plan, samples, result, progress);
 

@@ -59,7 +59,7 @@ struct Filtering {
   std::size_t reopened = 0;         ///< filters that their own gate had locked out
   std::size_t inertial_epochs = 0;  ///< whose pose used the inertial unit
   std::size_t unit_restarts = 0;    ///< of hypotheses on the unit, all of them beaten
-  std::size_t samples = 0;          ///< of the inertial unit
+  std::size_t samples = 0;          ///< of the inertial unit, as used
   std::string unused_unit;          ///< why the inertial unit was not used; or empty
 };
 

@@ -102,7 +102,11 @@ class Follower final : public Hypothesis {
     }
     const auto pose = tracker_->pose();
     if (!pose) return std::unexpected(pose.error());
-    return estimate_of(*pose, bank_.height);
+    const Estimate estimate = estimate_of(*pose, bank_.height);
+    if (!all_finite(estimate.position) || !estimate.covariance.allFinite()) {
+      return std::unexpected(Error::NotFinite);
+    }
+    return estimate;
   }
 
   [[nodiscard]] std::optional<Vec3> place(Id tag) const override {
