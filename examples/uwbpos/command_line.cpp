@@ -38,6 +38,9 @@ constexpr const char* kReplayFooter =
     "  ranges.csv   t_s,anchor_id,range_m [tag_id,sigma_m,rssi_dbm,fp_power_dbm]\n"
     "  tdoa.csv     t_s,anchor_id_a,anchor_id_b,difference_m [tag_id,sigma_m]\n"
     "               difference: distance(tag, b) minus distance(tag, a)\n"
+    "  imu.csv      t_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,\n"
+    "               acc_x_mps2,acc_y_mps2,acc_z_mps2  with --filter; specific force,\n"
+    "               (0, 0, +g) at rest\n"
     "  subnets.csv  subnet_id,x_m,y_m,z_m,yaw_deg\n"
     "               [control_anchor_id,sigma_m,sigma_yaw_deg]: where the subnet's origin,\n"
     "               its control anchor, is in the map, and its x axis points; or\n"
@@ -153,9 +156,7 @@ void add_inputs(CLI::App& app, Arguments& a) {
 void add_solving(CLI::App& app, Arguments& a) {
   Settings& s = a.settings;
   app.add_option("--tdoa", s.tdoa, "range differences between pairs of anchors (CSV)")
-      ->type_name("FILE")
-      ->excludes(app.get_option("--ranges"))
-      ->excludes(app.get_option("--twr"));
+      ->type_name("FILE");
   app.add_option("--subnets", s.subnets, "how subnets lie in the map (CSV)")
       ->type_name("FILE")
       ->needs(app.get_option("--tdoa"));
@@ -171,6 +172,14 @@ void add_solving(CLI::App& app, Arguments& a) {
                  "used), for\n--bias-network with one tag or --tdoa")
       ->type_name("FILE")
       ->needs(app.get_option("--bias-network"));
+  auto* filter = app.add_flag("--filter", s.filter,
+                              "follow the tags over time, causally, with all files\nthat are "
+                              "given; else each epoch stands alone")
+                     ->excludes(app.get_option("--subnets"))
+                     ->excludes(app.get_option("--attitude"));
+  app.add_option("--imu", s.imu, "gyro and accelerometer of the body (CSV)")
+      ->type_name("FILE")
+      ->needs(filter);
   add_choice<std::optional<int>>(app, "--dim", s.dim,
                                  "2: in the plane, 3: in space (default: 2 with\n--height or when "
                                  "all anchors are equally high,\nelse 3)",
@@ -217,7 +226,19 @@ void settle_solving(const CLI::App& app, Arguments& a) {
   if (!a.prior.empty()) {
     s.prior = Vec3{a.prior[0], a.prior[1], a.prior.size() > 2 ? a.prior[2] : 0};
   }
-  if (s.anchors.empty() && s.twr.empty()) throw CLI::RequiredError{"--anchors"};
+  if (s.anchors.empty() && (s.twr.empty() || s.filter)) throw CLI::RequiredError{"--anchors"};
+  if (s.filter) {
+    if (app.count("--loss") > 0) throw CLI::ExcludesError{"--loss", "--filter"};
+    return;
+  }
+  if (!s.tdoa.empty()) {
+    for (const char* other : {"--ranges", "--twr", "--bias-network"}) {
+      if (app.count(other) > 0) {
+        throw CLI::ValidationError{
+            other, "cannot be used together with --tdoa but with --filter, which uses both"};
+      }
+    }
+  }
 }
 
 void add_simulation(CLI::App& app, SimulateSettings& s) {

@@ -10,6 +10,7 @@
 #include "command_line.hpp"
 #include "diagnosis.hpp"
 #include "failure.hpp"
+#include "filtering.hpp"
 #include "network_bias.hpp"
 #include "output.hpp"
 #include "progress.hpp"
@@ -93,7 +94,9 @@ int run_replay(const Settings& settings) {
     Progress progress{"solving"};
     const auto told = [&](std::size_t done, std::size_t of) { progress(done, of); };
     const Site& site = recording.site;
-    if (site.network && !site.attitude.empty()) {
+    if (settings.filter) {
+      result = replay_filtered(settings, recording, told);
+    } else if (site.network && !site.attitude.empty()) {
       result = recording.differences.empty()
                    ? replay_with_network(settings, site, recording.readings, told)
                    : replay_with_network(settings, site, recording.differences, told);

@@ -81,6 +81,19 @@ std::vector<AnchorQuality> anchor_qualities(const Replay& replay) {
 std::vector<std::string> diagnose(const Replay& replay,
                                   const std::vector<AnchorQuality>& worst_first) {
   std::vector<std::string> said;
+  if (replay.filtering) {
+    for (const Id anchor : guilty_anchors(*replay.filtering)) {
+      const AnchorTally& tally = replay.filtering->of_anchor.at(anchor);
+      const auto quality = std::ranges::find(worst_first, anchor, &AnchorQuality::anchor);
+      said.push_back(fmt::format(
+          "Anchor {} is guilty: the filter refused {:.0f} % of its {}, which the other anchors "
+          "contradict{}.",
+          anchor, 100 * refused_share(tally), count_of(tally.used + tally.refused, "measurement"),
+          quality == worst_first.end()
+              ? std::string{}
+              : fmt::format("; they are off by {:+.2f} m at the median", quality->bias)));
+    }
+  }
   if (worst_first.size() < 2) return said;
   const auto few = std::ranges::count_if(
       worst_first, [](const AnchorQuality& q) { return q.readings < kEnoughToJudge; });

@@ -266,4 +266,27 @@ Log<Difference> read_tdoa(const std::filesystem::path& file, Problems& problems)
   return log;
 }
 
+Log<InertialReading> read_imu(const std::filesystem::path& file, Problems& problems) {
+  Log<InertialReading> log{file, {}, {}};
+  const auto columns = {Column{"t_s", true},          Column{"gyro_x_radps", true},
+                        Column{"gyro_y_radps", true}, Column{"gyro_z_radps", true},
+                        Column{"acc_x_mps2", true},   Column{"acc_y_mps2", true},
+                        Column{"acc_z_mps2", true}};
+  constexpr std::size_t cells = 7;
+  log.counts.rows = read_csv(file, columns, problems, [&](const Row& row) {
+    const double t = row.number(0);
+    for (std::size_t column = 1; column < cells; ++column) {
+      if (row.empty(column)) {
+        ++log.counts.no_reading;
+        return;
+      }
+    }
+    log.rows.push_back({t,
+                        {row.number(1), row.number(2), row.number(3)},
+                        {row.number(4), row.number(5), row.number(6)}});
+  });
+  put_in_order(log);
+  return log;
+}
+
 }  // namespace uwbpos::host

@@ -62,6 +62,13 @@ struct Exchange {
   std::size_t line = 0;
 };
 
+/// A sample of an inertial unit, in the body's axes: x forward, y left, z up.
+struct InertialReading {
+  double t;            ///< [s]
+  Vec3 gyro;           ///< turn rate [rad/s]
+  Vec3 accelerometer;  ///< specific force, (0, 0, +g) at rest [m/s²]
+};
+
 /// When the sound of one shot reached one receiver.
 struct Arrival {
   double t;  ///< of the shot [s]
@@ -111,5 +118,6 @@ struct Log {
 [[nodiscard]] Log<Exchange> read_twr(const std::filesystem::path& file, Problems& problems);
 [[nodiscard]] Log<Arrival> read_ultrasonic(const std::filesystem::path& file, Problems& problems);
 [[nodiscard]] Log<Difference> read_tdoa(const std::filesystem::path& file, Problems& problems);
+[[nodiscard]] Log<InertialReading> read_imu(const std::filesystem::path& file, Problems& problems);
 
 }  // namespace uwbpos::host

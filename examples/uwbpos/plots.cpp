@@ -113,6 +113,44 @@ std::string heading_arrows(const Body& body, double length) {
   return data + "EOD\n";
 }
 
+// The share of measurements that were refused, by time, as heights up to `whole`.
+std::string refused_shares(const Filtering& filtering, double start, double span, double whole) {
+  std::vector<double> used(kBins, 0);
+  std::vector<double> refused(kBins, 0);
+  const auto count = [&](std::vector<double>& bins, double t) {
+    const double bin = (t - start) / span * static_cast<double>(kBins);
+    if (bin >= 0) ++bins[std::min(static_cast<std::size_t>(bin), kBins - 1)];
+  };
+  for (const Innovated& i : filtering.innovations) count(used, i.t);
+  for (const RefusedMeasurement& r : filtering.refusals) count(refused, r.t);
+  std::string data = "$refused << EOD\nNaN NaN\n";
+  for (std::size_t i = 0; i < kBins; ++i) {
+    if (refused[i] == 0) continue;
+    line(data, "{:.3f} {:.5f}", (static_cast<double>(i) + 0.5) * span / static_cast<double>(kBins),
+         whole * refused[i] / (refused[i] + used[i]));
+  }
+  return data + "EOD\n";
+}
+
+// Ellipses that hold 95 of 100, at some thirty places, ascending in time.
+std::string spread_ellipses(const Filtering& filtering) {
+  constexpr std::size_t most = 30;
+  constexpr double quantile = 5.991;  // χ² of two
+  std::string data = "$spreads << EOD\nNaN NaN NaN NaN NaN\n";
+  const std::size_t stride = stride_for(filtering.spreads.size(), most);
+  for (std::size_t i = 0; i < filtering.spreads.size(); i += stride) {
+    const PositionSpread& s = filtering.spreads[i];
+    const double mean = (s.covariance(0, 0) + s.covariance(1, 1)) / 2;
+    const double half = (s.covariance(0, 0) - s.covariance(1, 1)) / 2;
+    const double off = std::hypot(half, s.covariance(0, 1));
+    const double angle = radians_to_degrees(std::atan2(s.covariance(0, 1), half) / 2);
+    line(data, "{:.3f} {:.3f} {:.4f} {:.4f} {:.1f}", s.position.x(), s.position.y(),
+         2 * std::sqrt(quantile * (mean + off)),
+         2 * std::sqrt(quantile * std::max(mean - off, 0.0)), angle);
+  }
+  return data + "EOD\n";
+}
+
 // One quantity over time, as dots, and its name.
 struct Course {
   std::string name;
@@ -158,10 +196,65 @@ std::string course_script(const std::vector<Course>& courses,
 
 }  // namespace
 
+Figure nis_figure(const Replay& replay) {
+  const std::vector<Innovated>& all = replay.filtering->innovations;
+  const std::size_t each = std::max<std::size_t>(20, stride_for(all.size(), 200));
+  const auto n = static_cast<double>(each);
+  // A mean of n squares of standard normals stays within this 95 times in 100: the cube root of χ²
+  // is all but normal (Wilson, Hilferty 1931).
+  const auto bound = [&](double z) {
+    const double root = 1 - 2 / (9 * n) + z * std::sqrt(2 / (9 * n));
+    return root * root * root;
+  };
+  constexpr double z = 1.96;
+  std::string data = "$nis << EOD\nNaN NaN\n";
+  std::size_t inside = 0;
+  std::size_t count = 0;
+  double sum = 0;
+  double top = bound(z);
+  std::vector<double> means;
+  for (std::size_t first = 0; first + each <= all.size(); first += each) {
+    double mean = 0;
+    for (std::size_t i = first; i < first + each; ++i) mean += all[i].normalised / n;
+    line(data, "{:.3f} {:.4f}", all[first + each / 2].t - replay.track.front().t, mean);
+    inside += mean >= bound(-z) && mean <= bound(z) ? 1 : 0;
+    ++count;
+    sum += mean;
+    means.push_back(mean);
+  }
+  data += "EOD\n";
+  std::ranges::sort(means);
+  if (!means.empty()) top = std::max(top, quantile_of_sorted(means, 0.99));
+  std::string script = preamble(520, 300) + data;
+  line(script, "set xrange [0:{:.4f}]\nset yrange [0:{:.4f}]",
+       std::max(replay.track.back().t - replay.track.front().t, 1e-9), 1.15 * top);
+  line(script, "set xlabel 'time since the first position [s]'\nset ylabel 'NIS'");
+  line(script,
+       "set object 1 rectangle from graph 0, first {:.5f} to graph 1, first {:.5f} behind fc {} "
+       "fs transparent solid 0.18 noborder",
+       bound(-z), bound(z), series_ink(1));
+  line(script, "set arrow 1 from graph 0, first 1 to graph 1, first 1 nohead lc {} lw 1.2",
+       ink(Ink::kMuted));
+  line(script, "plot $nis with points pt 7 ps 0.35 lc {}", series_ink(0));
+  std::string caption = fmt::format(
+      "Squares of innovations over their variances, means of {} in a row. Noises as they were "
+      "taken "
+      "to be would put 95 of 100 into the band: {:.0f} are, their mean is {:.2f}.",
+      each, count > 0 ? 100 * static_cast<double>(inside) / static_cast<double>(count) : 0.0,
+      count > 0 ? sum / static_cast<double>(count) : 0.0);
+  if (count > 0 && sum / static_cast<double>(count) < bound(-z)) {
+    caption += " Below it: the radio is better than its sigmas say.";
+  } else if (count > 0 && sum / static_cast<double>(count) > bound(z)) {
+    caption += " Above it: noise or motion is larger than the filter thinks, or errors are biases.";
+  }
+  return finish("Innovations (NIS)", script, "nis", caption);
+}
+
 Replay drawn(const Replay& replay) {
   if (!replay.body) return replay;
   Replay view;
   view.dim = replay.dim;
+  view.filtering = replay.filtering;
   view.body = replay.body;
   view.all = outcome_of(*replay.body);
   view.of_tag = {{0, view.all}};
@@ -177,7 +270,7 @@ Figure heading_figure(const Body& body) {
   Course course{"heading", {}};
   std::vector<double> sizes;
   for (const SolvedPose& p : body.track) {
-    if (!p.truth) continue;
+    if (!p.truth || !p.heading_known) continue;
     const double error =
         radians_to_degrees(angle_difference(p.pose.heading, heading_of(p.truth->rotation)));
     course.points.emplace_back(p.t - body.track.front().t, error);
@@ -293,6 +386,7 @@ Figure map_figure(const Replay& replay, const Points& anchors,
   const bool with_headings = replay.body && !replay.body->track.empty();
   if (with_headings) data += heading_arrows(*replay.body, 0.05 * std::max(x.length(), y.length()));
   if (target) line(data, "$target << EOD\n{:.4f} {:.4f}\nEOD", target->x(), target->y());
+  if (replay.filtering) data += spread_ellipses(*replay.filtering);
   std::string script = preamble(width, height) + data;
   line(script, "set size ratio -1\nset xrange [{:.4f}:{:.4f}]\nset yrange [{:.4f}:{:.4f}]", x.low,
        x.high, y.low, y.high);
@@ -302,6 +396,7 @@ Figure map_figure(const Replay& replay, const Points& anchors,
       "set tmargin 2.6\nset key at graph 0.5, screen 0.985 center top horizontal tc {} samplen 1.2 "
       "width -1 maxrows 1",
       ink(Ink::kText));
+  if (replay.filtering) line(script, "set tmargin 3.6");
   script += "plot ";
   for (std::size_t i = 0; i < tags.size() && replay.all.scored > 0; ++i) {
     line(script, "$truth{} with lines lc {} lw 1.2 {}, \\", i, ink(Ink::kTruth),
@@ -325,12 +420,21 @@ Figure map_figure(const Replay& replay, const Points& anchors,
     line(script, "$target using 1:2 with points pt 2 ps 1.3 lw 2.5 lc {} title 'target', \\",
          ink(Ink::kMark));
   }
+  if (replay.filtering) {
+    line(script,
+         "$spreads using 1:2:3:4:5 with ellipses units xx fs empty border lc {} lw 1.2 notitle, \\",
+         ink(Ink::kWorst));
+    line(script, "NaN with lines lc {} lw 1.6 title '95 %', \\", ink(Ink::kWorst));
+  }
   line(script, "$anchors using 1:2 with points pt 9 ps 1.1 lc {} title 'anchor', \\",
        ink(Ink::kAnchor));
   line(script, "$anchors using 1:2:3 with labels offset 0,0.8 font ',12' tc {} notitle",
        ink(Ink::kText));
   std::string caption = "Plan view, one metre as long in x as in y; anchors by their ids.";
   if (with_headings) caption += " Arrows: headings as solved, some of them.";
+  if (replay.filtering) {
+    caption += " Ellipses: where the filter holds the body to be, 95 in 100, at some places.";
+  }
   caption += thinned(stride);
   if (outside > 0) {
     caption += fmt::format(" {} {} outside the map.", outside,
@@ -369,6 +473,7 @@ Figure time_figure(const Replay& replay) {
     }
   }
   data += "EOD\n";
+  if (replay.filtering) data += refused_shares(*replay.filtering, start, span, limit / 3);
   std::string script = preamble(520, 300) + data;
   line(script, "set xrange [0:{:.4f}]\nset yrange [0:{:.4f}]", span, limit);
   line(script, "set xlabel 'time since the first position [s]'\nset ylabel 'error [m]'");
@@ -383,10 +488,17 @@ Figure time_figure(const Replay& replay) {
     line(script, "NaN with points pt 7 ps 0.8 lc {} title '{}', \\", series_ink(i),
          tags.size() == 1 ? std::string{"position"} : fmt::format("tag {}", tags[i]));
   }
+  if (replay.filtering) {
+    line(script, "$refused with impulses lc {} lw 1.2 notitle, \\", ink(Ink::kWorst));
+    line(script, "NaN with lines lc {} lw 2 title 'refused', \\", ink(Ink::kWorst));
+  }
   line(script, "$median with lines lc {} lw 1.8 title 'median'", ink(Ink::kText));
   return finish("Error over time", script, "time",
-                "Distance of each position from the truth at its time; the line is the median of "
-                "successive stretches." +
+                std::string{"Distance of each position from the truth at its time; the line is the "
+                            "median of successive stretches."} +
+                    (replay.filtering ? " Bars from below: the share of measurements that the gate "
+                                        "refused, a third of the height for all of them."
+                                      : "") +
                     thinned(stride) + beyond(ascending, limit));
 }
 

@@ -34,6 +34,8 @@ struct Figure {
 [[nodiscard]] Figure target_figure(const std::vector<SeenTarget>& seen);
 /// Error of each position over time.
 [[nodiscard]] Figure time_figure(const Replay& replay);
+/// How well each measurement was foretold, over time, against what chance allows.
+[[nodiscard]] Figure nis_figure(const Replay& replay);
 /// Share of positions with no more than an error, 50, 90 and 95 % marked.
 [[nodiscard]] Figure distribution_figure(const Replay& replay);
 /// Height over time; for positions in space.

@@ -174,6 +174,12 @@ class PoseSolver {
   std::optional<Vec<double, D>> last_;
 };
 
+Pose2<double> exact_pose(const StampedPose& pose) {
+  return {pose.position.head<2>(), heading_of(pose.rotation), Mat<double, 3>::Zero()};
+}
+
+}  // namespace
+
 void score_body(const Site& site, int dim, Body& body) {
   std::vector<Vec3> errors;
   std::vector<Vec3> turns;  // along x, so that the summary is that of lengths
@@ -185,6 +191,7 @@ void score_body(const Site& site, int dim, Body& body) {
       continue;
     }
     errors.emplace_back(p.pose.position - p.truth->position);
+    if (!p.heading_known) continue;
     const double turn = angle_difference(p.pose.heading, heading_of(p.truth->rotation));
     turns.emplace_back(turn, 0, 0);
   }
@@ -193,23 +200,17 @@ void score_body(const Site& site, int dim, Body& body) {
   body.heading_error = summarize_errors(turns, 2);
 }
 
-Pose2<double> exact_pose(const StampedPose& pose) {
-  return {pose.position.head<2>(), heading_of(pose.rotation), Mat<double, 3>::Zero()};
-}
-
-}  // namespace
-
 Outcome outcome_of(const Body& body) {
   return {body.epochs, body.track.size(), body.scored, body.rejected, body.error};
 }
 
 std::optional<HeadingParts> parts_of_heading_error(const Body& body) {
   constexpr std::size_t fewest = 50;
-  if (body.scored < fewest) return std::nullopt;
+  if (body.heading_error.count < fewest) return std::nullopt;
   std::vector<double> steps;
   std::optional<double> last;
   for (const SolvedPose& p : body.track) {
-    if (!p.truth) continue;
+    if (!p.truth || !p.heading_known) continue;
     const double error = angle_difference(p.pose.heading, heading_of(p.truth->rotation));
     if (last) steps.push_back(angle_difference(error, *last));
     last = error;
@@ -236,14 +237,21 @@ bool has_pose(const Site& site, const std::vector<Reading>& readings) {
   return false;
 }
 
+std::vector<Epoch> body_epochs(const Site& site, const std::vector<Reading>& readings,
+                               std::optional<double> window, std::vector<std::pair<Id, Id>>& links,
+                               EpochRule& rule) {
+  const std::vector<Reading> of_links = as_links(site, readings, links);
+  rule = body_rule(of_links, links, window);
+  return group_epochs(of_links, rule).epochs;
+}
+
 Body solve_poses(const Settings& settings, const Site& site, int dim,
                  const std::vector<Reading>& readings,
                  const std::function<void(std::size_t, std::size_t)>& progress) {
   Body body;
   std::vector<std::pair<Id, Id>> links;
-  const std::vector<Reading> of_links = as_links(site, readings, links);
-  body.rule = body_rule(of_links, links, settings.epoch_window);
-  const std::vector<Epoch> epochs = group_epochs(of_links, body.rule).epochs;
+  const std::vector<Epoch> epochs =
+      body_epochs(site, readings, settings.epoch_window, links, body.rule);
   const auto solve_all = [&](auto solver) {
     for (std::size_t i = 0; i < epochs.size(); ++i) {
       if (progress && i % kProgressStep == 0) progress(i, epochs.size());
@@ -302,9 +310,11 @@ std::string poses_tum(const Body& body) {
   std::string text = "# t_s x_m y_m z_m qx qy qz qw\n";
   for (const SolvedPose& p : body.track) {
     const Vec3& at = p.pose.position;
-    fmt::format_to(std::back_inserter(text), "{:.6f} {:.6f} {:.6f} {:.6f} 0 0 {:.8f} {:.8f}\n", p.t,
-                   at.x(), at.y(), at.z(), std::sin(p.pose.heading / 2),
-                   std::cos(p.pose.heading / 2));
+    const double half = p.pose.heading / 2;
+    const Rotation q = p.attitude.value_or(Rotation{0, 0, std::sin(half), std::cos(half)});
+    fmt::format_to(std::back_inserter(text),
+                   "{:.6f} {:.6f} {:.6f} {:.6f} {:.8g} {:.8g} {:.8f} {:.8f}\n", p.t, at.x(), at.y(),
+                   at.z(), q.x, q.y, q.z, q.w);
   }
   return text;
 }

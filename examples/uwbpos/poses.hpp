@@ -31,6 +31,8 @@ struct SolvedPose {
   int readings;          ///< how many it was solved from
   bool chosen_by_prior;  ///< two poses; the one nearer to the last
   std::optional<StampedPose> truth;
+  std::optional<Rotation> attitude = std::nullopt;  ///< roll and pitch too, with an inertial unit
+  bool heading_known = true;                        ///< else it is a guess, and not scored
 };
 
 /// Motion between two poses.
@@ -74,6 +76,16 @@ struct Body {
 
 /// Whether two of the body's tags, at least, are known, apart in plan and heard.
 [[nodiscard]] bool has_pose(const Site& site, const std::vector<Reading>& readings);
+
+/// The epochs of all tags of the body together; `links` tells the (tag, anchor) that each epoch's
+/// readings have for an anchor, `rule` gets how they were grouped.
+[[nodiscard]] std::vector<Epoch> body_epochs(const Site& site, const std::vector<Reading>& readings,
+                                             std::optional<double> window,
+                                             std::vector<std::pair<Id, Id>>& links,
+                                             EpochRule& rule);
+
+/// Poses against truth.
+void score_body(const Site& site, int dim, Body& body);
 
 /// Solves and scores. `readings` by time, less their biases, of known anchors. With `dim` 2 and a
 /// height slant ranges are used as they are; in space a side or the last pose settles mirror

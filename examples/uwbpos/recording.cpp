@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <limits>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -43,8 +44,18 @@ std::string count_of(std::size_t count, std::string_view singular) {
 }
 
 std::string reading_count(const Recording& recording) {
-  if (!recording.differences.empty()) return count_of(recording.differences.size(), "difference");
-  return count_of(recording.readings.size(), "range");
+  std::string text;
+  if (!recording.readings.empty() || recording.differences.empty()) {
+    text = count_of(recording.readings.size(), "range");
+  }
+  if (!recording.differences.empty()) {
+    if (!text.empty()) text += " and ";
+    text += count_of(recording.differences.size(), "difference");
+  }
+  if (!recording.samples.empty()) {
+    text += " and " + count_of(recording.samples.size(), "inertial sample");
+  }
+  return text;
 }
 
 Recording read_recording(const Settings& settings, Problems& problems) {
@@ -76,35 +87,53 @@ Recording read_recording(const Settings& settings, Problems& problems) {
     power_bias = *RangeBias<double>::make(power_table);
   }
 
-  if (!settings.tdoa.empty()) {
-    Log<Difference> log = read_tdoa(settings.tdoa, problems);
-    recording.log = log.file;
-    recording.counts = log.counts;
-    recording.differences = std::move(log.rows);
-  } else if (!settings.ranges.empty()) {
+  const auto add_counts = [&](const LogCounts& counts) {
+    recording.counts.rows += counts.rows;
+    recording.counts.no_reading += counts.no_reading;
+    recording.counts.out_of_order += counts.out_of_order;
+  };
+  if (!settings.ranges.empty()) {
     Log<Reading> log = read_ranges(settings.ranges, problems);
     recording.log = log.file;
-    recording.counts = log.counts;
+    add_counts(log.counts);
     recording.readings = std::move(log.rows);
     for (Reading& reading : recording.readings) {
       if (power_bias && reading.power) reading.range -= power_bias->at(*reading.power).value_or(0);
     }
-  } else {
+  } else if (!settings.twr.empty()) {
     const Log<Exchange> log = read_twr(settings.twr, problems);
     recording.log = log.file;
-    recording.counts = log.counts;
+    add_counts(log.counts);
     recording.ranging = ranges_from_exchanges(log.rows, settings, power_bias);
     recording.readings = recording.ranging->readings;
+  }
+  if (!settings.tdoa.empty()) {
+    Log<Difference> log = read_tdoa(settings.tdoa, problems);
+    if (recording.log.empty()) recording.log = log.file;
+    add_counts(log.counts);
+    recording.differences = std::move(log.rows);
   }
   if (recording.counts.rows == 0) {
     throw Failure{fmt::format("{}: has a header row and nothing below it", recording.log.string())};
   }
-  if (!recording.readings.empty()) {
-    recording.seconds = recording.readings.back().t - recording.readings.front().t;
+  if (!settings.imu.empty()) {
+    Log<InertialReading> log = read_imu(settings.imu, problems);
+    if (log.rows.empty()) {
+      throw Failure{fmt::format("{}: holds no sample of an inertial unit", log.file.string())};
+    }
+    add_counts(log.counts);
+    recording.samples = std::move(log.rows);
   }
-  if (!recording.differences.empty()) {
-    recording.seconds = recording.differences.back().t - recording.differences.front().t;
-  }
+  double first = std::numeric_limits<double>::infinity();
+  double last = -first;
+  const auto spans = [&](const auto& rows) {
+    if (rows.empty()) return;
+    first = std::min(first, rows.front().t);
+    last = std::max(last, rows.back().t);
+  };
+  spans(recording.readings);
+  spans(recording.differences);
+  if (last > first) recording.seconds = last - first;
   return recording;
 }
 
@@ -153,6 +182,39 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
         "them, more than any other.",
         count_of(replay.excluded, "difference"), replay.excluded == 1 ? "an outlier" : "outliers",
         worst->first, worst->second));
+  }
+  if (replay.filtering) {
+    const Filtering& f = *replay.filtering;
+    for (const auto& [reason, count] : f.refused) {
+      said.push_back(fmt::format("{} refused by the filter: {}.", count_of(count, "measurement"),
+                                 reason_words(reason)));
+    }
+    if (f.reopened > 0) {
+      said.push_back(fmt::format(
+          "The filter was locked out by its own gate and began anew where measurements agreed, {}.",
+          count_of(f.reopened, "time")));
+    }
+    if (!f.unused_unit.empty()) {
+      said.push_back(fmt::format("The inertial unit was not used: {}.", f.unused_unit));
+    }
+    if (replay.body && replay.dim == 3) {
+      const std::size_t without = replay.body->track.size() - f.inertial_epochs;
+      if (2 * without > replay.body->track.size()) {
+        said.push_back(fmt::format(
+            "The inertial unit contradicts the radio: {} of {} poses come from a filter that "
+            "leaves it out. Are its axes those of the body (x forward, y left, z up), its units "
+            "rad/s and m/s², its clock the radio's?",
+            without, replay.body->track.size()));
+      }
+      std::size_t guesses = 0;
+      for (const SolvedPose& p : replay.body->track) guesses += p.heading_known ? 0 : 1;
+      if (guesses > 0) {
+        said.push_back(fmt::format(
+            "{} without a known heading, which one tag shows only once the body has changed its "
+            "velocity; not scored in heading.",
+            count_of(guesses, "pose")));
+      }
+    }
   }
   for (const SubnetFrame& frame : recording.site.subnets.frames) {
     if (frame.fit_rms == 0) continue;

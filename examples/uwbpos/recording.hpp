@@ -19,7 +19,8 @@ struct Recording {
   Site site;
   std::filesystem::path log;  ///< of ranges or of raw stamps
   std::vector<Reading> readings;
-  std::vector<Difference> differences;  ///< in place of readings, where `--tdoa` was given
+  std::vector<Difference> differences;   ///< where `--tdoa` was given, beside readings if filtered
+  std::vector<InertialReading> samples;  ///< of `--imu`
   LogCounts counts;
   std::optional<Ranging> ranging;  ///< how raw stamps became readings
   double seconds = 0;              ///< from the first reading to the last

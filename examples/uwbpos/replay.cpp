@@ -139,9 +139,10 @@ void solve_all(const Settings& settings, const Site& site, const std::vector<Epo
   if (progress) progress(epochs.size(), epochs.size());
 }
 
-// The readings that can be used, less their links' biases; counts the others.
-std::vector<Reading> usable(const Settings& settings, const Site& site,
-                            const std::vector<Reading>& readings, Replay& result) {
+}  // namespace
+
+std::vector<Reading> usable_readings(const Settings& settings, const Site& site,
+                                     const std::vector<Reading>& readings, Replay& result) {
   std::vector<Reading> kept;
   kept.reserve(readings.size());
   for (Reading reading : readings) {
@@ -171,7 +172,6 @@ std::vector<Reading> usable(const Settings& settings, const Site& site,
   return kept;
 }
 
-// Measured minus true ranges; those of a flat world leave heights out.
 void residuals_against_truth(const Site& site, const Settings& settings, bool flat,
                              const std::vector<Reading>& readings, Replay& result) {
   for (const Reading& reading : readings) {
@@ -185,8 +185,6 @@ void residuals_against_truth(const Site& site, const Settings& settings, bool fl
         {reading.t, reading.range - expected});
   }
 }
-
-}  // namespace
 
 std::optional<Vec3> true_position(const Site& site, Id tag, double t) {
   if (site.tags.empty()) return site.truth.point_at(t, Vec3::Zero());
@@ -260,7 +258,7 @@ Replay replay(Settings settings, const Site& site, const std::vector<Reading>& r
   Replay result;
   result.dim = choose_dim(settings, site.anchors);
   result.residuals_to_truth = !site.truth.empty();
-  const std::vector<Reading> kept = usable(settings, site, readings, result);
+  const std::vector<Reading> kept = usable_readings(settings, site, readings, result);
   result.rule = epoch_rule(kept, settings.epoch_window);
   const Epochs grouped = group_epochs(kept, result.rule);
   result.duplicates = grouped.duplicates;
@@ -297,7 +295,7 @@ Replay compare_with_truth(const Settings& settings, const Site& site,
   Replay result;
   result.dim = settings.height ? 2 : 3;
   result.residuals_to_truth = true;
-  const std::vector<Reading> kept = usable(settings, site, readings, result);
+  const std::vector<Reading> kept = usable_readings(settings, site, readings, result);
   residuals_against_truth(site, settings, false, kept, result);
   return result;
 }

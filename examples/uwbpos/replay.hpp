@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "epochs.hpp"
+#include "filtering.hpp"
 #include "formats.hpp"
 #include "link_network.hpp"
 #include "poses.hpp"
@@ -72,9 +73,10 @@ struct Replay {
   std::size_t fused = 0;              ///< epochs whose position several subnets agreed on
   std::size_t inconsistent = 0;       ///< solved epochs that contradict themselves all the same
   std::optional<double> found_sigma;  ///< of a difference, found from the log [m]
-  std::optional<Body> body;           ///< with two tags or more
-  bool never_together = false;        ///< several tags, and no epoch that gave a pose
-  double solve_seconds = 0;           ///< inside `locate`
+  std::optional<Filtering> filtering = std::nullopt;  ///< with `--filter`
+  std::optional<Body> body;                           ///< with two tags or more
+  bool never_together = false;  ///< several tags, and no epoch that gave a pose
+  double solve_seconds = 0;     ///< inside `locate`
   std::size_t solve_calls = 0;
 };
 
@@ -104,6 +106,15 @@ inline constexpr std::size_t kProgressStep = 64;
 [[nodiscard]] Replay replay(Settings settings, const Site& site,
                             const std::vector<Reading>& readings,
                             const std::function<void(std::size_t, std::size_t)>& progress = {});
+
+/// The readings that can be used, less their links' biases; counts the others.
+[[nodiscard]] std::vector<Reading> usable_readings(const Settings& settings, const Site& site,
+                                                   const std::vector<Reading>& readings,
+                                                   Replay& result);
+
+/// Notes measured minus true ranges; those of a flat world leave heights out.
+void residuals_against_truth(const Site& site, const Settings& settings, bool flat,
+                             const std::vector<Reading>& readings, Replay& result);
 
 /// Positions against truth, by tag and in all.
 void score(const Site& site, Replay& result);

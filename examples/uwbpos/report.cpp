@@ -52,7 +52,7 @@ std::string numbers(const Replay& replay) {
     text += number(metres(e.median), "median error");
     text += number(metres(e.p95), "95 % are below");
     text += number(metres(e.max), "largest error");
-    if (replay.body) {
+    if (replay.body && replay.body->heading_error.count > 0) {
       text += number(degrees(replay.body->heading_error.rmse), "rmse of the heading");
     }
   }
@@ -65,7 +65,8 @@ std::string numbers(const Replay& replay) {
   const double seconds = replay.body ? replay.body->solve_seconds : replay.solve_seconds;
   const std::size_t calls = replay.body ? replay.body->solve_calls : replay.solve_calls;
   if (seconds > 0) {
-    text += number(thousands(static_cast<double>(calls) / seconds), "solves per second");
+    text += number(thousands(static_cast<double>(calls) / seconds),
+                   replay.filtering ? "measurements per second" : "solves per second");
   }
   return text + "</div>\n";
 }
@@ -97,7 +98,7 @@ std::string tag_table(const Replay& replay) {
   if (replay.of_tag.size() > 1) text += outcome_row("all", replay.all, scored, replay.dim);
   if (replay.body) {
     text += outcome_row("body", outcome_of(*replay.body), replay.body->scored > 0, replay.dim);
-    if (replay.body->scored > 0) {
+    if (replay.body->heading_error.count > 0) {
       const ErrorSummary& e = replay.body->heading_error;
       text += "<tr><td>heading</td><td></td><td></td>";
       for (const double value : {e.rmse, e.mean, e.median, e.p95, e.max}) {
@@ -109,15 +110,24 @@ std::string tag_table(const Replay& replay) {
   return text + "</table></div>";
 }
 
-std::string anchor_table(const std::vector<AnchorQuality>& worst_first) {
+std::string anchor_table(const std::vector<AnchorQuality>& worst_first,
+                         const Filtering* filtering) {
   std::string text =
       "<div class=\"scroll\"><table><tr><th>anchor</th><th>readings</th><th>median</th>"
-      "<th>spread</th><th>rms</th><th>outliers</th></tr>\n";
+      "<th>spread</th><th>rms</th><th>outliers</th>";
+  text += filtering != nullptr ? "<th>refused</th></tr>\n" : "</tr>\n";
   for (const AnchorQuality& q : worst_first) {
     text += fmt::format(
         "<tr><td>{}</td><td>{}</td><td>{:+.3f}</td><td>{:.3f}</td><td>{:.3f}</td>"
-        "<td>{:.1f} %</td></tr>\n",
+        "<td>{:.1f} %</td>",
         q.anchor, q.readings, q.bias, q.spread, q.rms, 100 * q.outlier_share);
+    if (filtering != nullptr) {
+      const auto tally = filtering->of_anchor.find(q.anchor);
+      text += tally == filtering->of_anchor.end()
+                  ? std::string{"<td>–</td>"}
+                  : fmt::format("<td>{:.1f} %</td>", 100 * refused_share(tally->second));
+    }
+    text += "</tr>\n";
   }
   return text + "</table></div>";
 }
@@ -139,9 +149,12 @@ std::string findings(const Settings& settings, const Recording& recording, const
   std::string left = figure(map_figure(view, recording.site.anchors, settings.target));
   std::string right;
   if (view.all.scored > 0) right = figure(time_figure(view)) + figure(distribution_figure(view));
+  if (replay.filtering && !replay.filtering->innovations.empty()) {
+    right += figure(nis_figure(view));
+  }
   if (replay.dim == 3) left += figure(height_figure(view));
   if (replay.body) {
-    if (replay.body->scored > 0) left += figure(heading_figure(*replay.body));
+    if (replay.body->heading_error.count > 0) left += figure(heading_figure(*replay.body));
     if (settings.velocity) {
       const auto twists = twists_of(*replay.body, *settings.velocity);
       if (!twists.empty()) left += figure(twist_figure(twists));
@@ -159,7 +172,9 @@ std::string findings(const Settings& settings, const Recording& recording, const
                              escaped(sentence));
     }
     left +=
-        card("Which anchor is the worst, and why", verdict + anchor_table(worst_first), "later");
+        card("Which anchor is the worst, and why",
+             verdict + anchor_table(worst_first, replay.filtering ? &*replay.filtering : nullptr),
+             "later");
   }
   return fmt::format("<div class=\"column\">\n{}</div>\n<div class=\"column\">\n{}</div>\n", left,
                      right) +
@@ -223,6 +238,13 @@ std::string lead(const Settings& settings, const Recording& recording, const Rep
     if (settings.truth.empty()) text += "; no truth to compare with";
   }
   if (replay.all.epochs > 0) {
+    if (replay.filtering) {
+      return text + fmt::format(
+                        ". Filtered over time, causally: each {} is what was known at the end of "
+                        "its epoch. Motion: {}; how fast it changes and how noisy the radio is, "
+                        "the recording tells.",
+                        replay.body ? "pose" : "position", replay.filtering->motion);
+    }
     return text + fmt::format(". Each {} is solved on its own: nothing is smoothed or filtered.",
                               replay.body ? "pose" : "position");
   }
@@ -281,6 +303,9 @@ std::string report_html(const Settings& settings, const Recording& recording, co
   if (solved) page += findings(settings, recording, replay);
   if (recording.ranging && !recording.ranging->scored.empty()) {
     page += range_section(*recording.ranging);
+  }
+  if (replay.filtering && !replay.filtering->refused.empty()) {
+    page += card("Refused measurements", rejected_table(replay.filtering->refused, "measurements"));
   }
   if (!replay.all.rejected.empty()) {
     page += card("Rejected epochs", rejected_table(replay.all.rejected, "epochs"));

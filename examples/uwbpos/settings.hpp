@@ -24,7 +24,7 @@ inline constexpr double kRangeSigma = 0.1;
 /// The options that subcommands share; an empty path means not given.
 struct Settings {
   std::filesystem::path anchors, tags, ranges, twr, tdoa, subnets, truth, bias, power_bias;
-  std::filesystem::path bias_network, attitude;
+  std::filesystem::path bias_network, attitude, imu;
   std::filesystem::path out = "out";
   std::optional<double> height;          ///< of the tags' antennas [m]
   std::optional<int> dim;                ///< 2 or 3
@@ -41,6 +41,7 @@ struct Settings {
   std::optional<Vec3> prior;             ///< where the tags are, roughly [m]
   unsigned counter_bits = 0;             ///< 0: find out
   bool strict = false;
+  bool filter = false;  ///< a filter over time, not each epoch on its own
 };
 
 }  // namespace uwbpos::host

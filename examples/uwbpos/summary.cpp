@@ -109,7 +109,7 @@ std::string error_row(std::string_view name, const Outcome& outcome, int dim) {
 
 std::string body_rows(const Body& body, int dim) {
   std::string text = error_row("body", outcome_of(body), dim);
-  if (body.scored == 0) return text;
+  if (body.heading_error.count == 0) return text;
   const ErrorSummary& e = body.heading_error;
   text += fmt::format("{:<10}{:>18}", "heading", "");
   for (const double value : {e.rmse, e.mean, e.median, e.p95, e.max}) {
@@ -138,7 +138,7 @@ std::string summary_json(const Settings& settings, const Recording& recording, c
   if (replay != nullptr) {
     const Body* body = replay->body ? &*replay->body : nullptr;
     add_outcome(json, body != nullptr ? outcome_of(*body) : replay->all);
-    if (body != nullptr && body->scored > 0) {
+    if (body != nullptr && body->heading_error.count > 0) {
       json["heading_error_deg"] = degrees_of(body->heading_error);
     }
     json["solves_per_second"] = rate_of(*replay);
@@ -149,6 +149,26 @@ std::string summary_json(const Settings& settings, const Recording& recording, c
       if (errors.count > 0) {
         json["velocity"]["velocity_error_mps"] = errors.velocity;
         json["velocity"]["turn_rate_error_degps"] = radians_to_degrees(errors.turn_rate);
+      }
+    }
+    if (replay->filtering) {
+      const Filtering& f = *replay->filtering;
+      double sum = 0;
+      for (const Innovated& i : f.innovations) sum += i.normalised;
+      Json of_anchor = Json::object();
+      for (const auto& [id, tally] : f.of_anchor) {
+        of_anchor[std::to_string(id)] = {{"used", tally.used}, {"refused", tally.refused}};
+      }
+      json["filter"] = {{"motion", f.motion},
+                        {"used", f.used},
+                        {"refused", json_of(f.refused)},
+                        {"of_anchor", of_anchor},
+                        {"guilty_anchors", guilty_anchors(f)},
+                        {"reopened", f.reopened},
+                        {"inertial_samples", f.samples},
+                        {"inertial_epochs", f.inertial_epochs}};
+      if (!f.innovations.empty()) {
+        json["filter"]["mean_nis"] = sum / static_cast<double>(f.innovations.size());
       }
     }
     if (replay->of_tag.size() > 1) {
@@ -237,7 +257,10 @@ std::string summary_table(const Settings& settings, const Recording& recording,
   for (const auto& [reason, count] : replay.body ? replay.body->rejected : replay.all.rejected) {
     text += fmt::format("{} rejected: {}\n", count_of(count, "epoch"), reason_words(reason));
   }
-  if (rate_of(replay) > 0) text += fmt::format("{:.0f} solves per second\n", rate_of(replay));
+  if (rate_of(replay) > 0) {
+    text += fmt::format("{:.0f} {} per second\n", rate_of(replay),
+                        replay.filtering ? "measurements" : "solves");
+  }
   return text;
 }
 

@@ -304,9 +304,57 @@ double residual_of(const Difference& d, const Vec3& tag, const Site& site, bool 
                          distance(tag, site.anchors.at(d.anchor_a), flat));
 }
 
-// The differences that can be used, less their links' biases; counts the others.
-std::vector<Difference> usable(const Settings& settings, const Site& site, bool flat,
-                               const std::vector<Difference>& differences, Replay& result) {
+// Standard deviation of a difference, from what is left over in epochs all over the log. Half of
+// the residuals are nearer to zero than 0.6745 of it, whatever the outliers are; a fix of k numbers
+// from n differences leaves 1 − k/n of their variance.
+std::optional<double> find_sigma(const Settings& settings, const Site& site, int dim,
+                                 const std::vector<DifferenceEpoch>& epochs) {
+  constexpr std::size_t most = 300;
+  constexpr std::size_t few = 100;
+  constexpr double least = 0.01;  // [m]
+  DifferenceSolver solver{settings, site, dim};
+  for (int round = 0; round < 2; ++round) {
+    std::vector<double> residuals;
+    const std::size_t stride = std::max<std::size_t>(1, epochs.size() / most);
+    for (std::size_t i = 0; i < epochs.size(); i += stride) {
+      const DifferenceEpoch& epoch = epochs[i];
+      const auto count = static_cast<double>(epoch.differences.size());
+      if (count < 2 * dim) continue;
+      const auto solved = solver.solve(epoch);
+      if (!solved) continue;
+      const double left = std::sqrt(1 - dim / count);
+      for (const Difference& d : epoch.differences) {
+        residuals.push_back(residual_of(d, solved->position, site, solver.flat()) / left);
+      }
+    }
+    if (residuals.size() < few) return std::nullopt;
+    solver.sigma = std::max(robust_spread(std::move(residuals)), least);
+  }
+  return solver.sigma;
+}
+
+}  // namespace
+
+void add_residual(Replay& result, const Difference& d, double residual) {
+  result.residuals[{d.tag, d.anchor_b}].push_back({d.t, residual});
+  result.residuals[{d.tag, d.anchor_a}].push_back({d.t, -residual});
+}
+
+void residuals_against_truth(const Site& site, const Settings& settings, bool flat,
+                             const std::vector<Difference>& differences, Replay& result) {
+  for (const Difference& d : differences) {
+    auto truth = true_position(site, d.tag, d.t);
+    if (!truth) continue;
+    if (settings.height && result.dim == 2) {
+      truth->z() = tag_height(*settings.height, site.tags, d.tag);
+    }
+    add_residual(result, d, residual_of(d, *truth, site, flat));
+  }
+}
+
+std::vector<Difference> usable_differences(const Settings& settings, const Site& site, bool flat,
+                                           const std::vector<Difference>& differences,
+                                           Replay& result) {
   std::vector<Difference> kept;
   kept.reserve(differences.size());
   std::set<std::array<Id, 3>> of_this_time;  // tag and anchors
@@ -348,42 +396,6 @@ std::vector<Difference> usable(const Settings& settings, const Site& site, bool 
   }
   return kept;
 }
-
-// Standard deviation of a difference, from what is left over in epochs all over the log. Half of
-// the residuals are nearer to zero than 0.6745 of it, whatever the outliers are; a fix of k numbers
-// from n differences leaves 1 − k/n of their variance.
-std::optional<double> find_sigma(const Settings& settings, const Site& site, int dim,
-                                 const std::vector<DifferenceEpoch>& epochs) {
-  constexpr std::size_t most = 300;
-  constexpr std::size_t few = 100;
-  constexpr double least = 0.01;  // [m]
-  DifferenceSolver solver{settings, site, dim};
-  for (int round = 0; round < 2; ++round) {
-    std::vector<double> residuals;
-    const std::size_t stride = std::max<std::size_t>(1, epochs.size() / most);
-    for (std::size_t i = 0; i < epochs.size(); i += stride) {
-      const DifferenceEpoch& epoch = epochs[i];
-      const auto count = static_cast<double>(epoch.differences.size());
-      if (count < 2 * dim) continue;
-      const auto solved = solver.solve(epoch);
-      if (!solved) continue;
-      const double left = std::sqrt(1 - dim / count);
-      for (const Difference& d : epoch.differences) {
-        residuals.push_back(residual_of(d, solved->position, site, solver.flat()) / left);
-      }
-    }
-    if (residuals.size() < few) return std::nullopt;
-    solver.sigma = std::max(robust_spread(std::move(residuals)), least);
-  }
-  return solver.sigma;
-}
-
-void add_residual(Replay& result, const Difference& d, double residual) {
-  result.residuals[{d.tag, d.anchor_b}].push_back({d.t, residual});
-  result.residuals[{d.tag, d.anchor_a}].push_back({d.t, -residual});
-}
-
-}  // namespace
 
 DifferenceRule difference_rule(const std::vector<Difference>& differences, int dim,
                                std::optional<double> window) {
@@ -467,7 +479,8 @@ Replay replay_differences(Settings settings, const Site& site,
   result.dim = choose_dim(settings, site.anchors);
   result.residuals_to_truth = !site.truth.empty();
   DifferenceSolver solver{settings, site, result.dim};
-  const std::vector<Difference> kept = usable(settings, site, solver.flat(), differences, result);
+  const std::vector<Difference> kept =
+      usable_differences(settings, site, solver.flat(), differences, result);
   const DifferenceRule rule = difference_rule(kept, result.dim, settings.epoch_window);
   result.rule = {rule.window, 0};
   const std::vector<DifferenceEpoch> epochs = group_differences(kept, rule);
@@ -520,14 +533,7 @@ Replay replay_differences(Settings settings, const Site& site,
   std::ranges::stable_sort(result.track,
                            [](const Position& a, const Position& b) { return a.t < b.t; });
   if (result.residuals_to_truth) {
-    for (const Difference& d : kept) {
-      auto truth = true_position(site, d.tag, d.t);
-      if (!truth) continue;
-      if (settings.height && result.dim == 2) {
-        truth->z() = tag_height(*settings.height, site.tags, d.tag);
-      }
-      add_residual(result, d, residual_of(d, *truth, site, solver.flat()));
-    }
+    residuals_against_truth(site, settings, solver.flat(), kept, result);
   }
   score(site, result);
   return result;

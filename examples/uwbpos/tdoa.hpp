@@ -44,6 +44,19 @@ struct DifferenceRule {
 [[nodiscard]] std::vector<DifferenceEpoch> group_differences(
     const std::vector<Difference>& differences, const DifferenceRule& rule);
 
+/// The differences that can be used, less their links' biases; counts the others.
+[[nodiscard]] std::vector<Difference> usable_differences(const Settings& settings, const Site& site,
+                                                         bool flat,
+                                                         const std::vector<Difference>& differences,
+                                                         Replay& result);
+
+/// Notes what a difference is off by, for both of its anchors.
+void add_residual(Replay& result, const Difference& d, double residual);
+
+/// Notes measured minus true differences.
+void residuals_against_truth(const Site& site, const Settings& settings, bool flat,
+                             const std::vector<Difference>& differences, Replay& result);
+
 /// Solves every epoch without its outliers. Differences must ascend in time. `progress(done, of)`
 /// is called now and then.
 [[nodiscard]] Replay replay_differences(

@@ -111,7 +111,11 @@ void read(int kind, const std::filesystem::path& file) {
       check_times(uwbpos::host::read_twr(file, problems));
       break;
     case 5:
-      check_times(uwbpos::host::read_tdoa(file, problems));
+      try {
+        check_times(uwbpos::host::read_tdoa(file, problems));
+      } catch (const uwbpos::host::Failure&) {
+        check_times(uwbpos::host::read_imu(file, problems));
+      }
       break;
     case 6:
       check_subnets(file, problems);

@@ -24,6 +24,7 @@ struct Innovation {
   S value = S(0);              ///< ν, of a vector its length; in the measurement's unit
   S normalised_square = S(0);  ///< νᵀS⁻¹ν: the NIS, `dimension` on average when all is right
   int dimension = 0;           ///< of ν; zero for what only drives the motion
+  S variance = S(0);           ///< S, of a scalar; zero of a vector
 };
 
 /// What a track is moved and judged by.
@@ -140,11 +141,12 @@ template <class Motion, int Biases, class S, int M>
     }
   }
   const ProjectedRow<S, M> projected = track.covariance.project(row);
-  const S square = innovation * innovation / (projected.variance + noise);
+  const S variance = projected.variance + noise;
+  const S square = innovation * innovation / variance;
   if (const auto error = check_statistics(model.gate, square, 1)) return std::unexpected(*error);
   correct(track, model.motion, projected, innovation, noise);
   if (slope > S(0)) confirm(track);
-  return Innovation<S>{innovation, square, 1};
+  return Innovation<S>{innovation, square, 1, variance};
 }
 
 }  // namespace uwbpos

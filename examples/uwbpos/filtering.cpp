@@ -1,0 +1,480 @@
+// SPDX-License-Identifier: MIT
+#include "filtering.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "failure.hpp"
+#include "hypotheses.hpp"
+#include "recording.hpp"
+#include "replay.hpp"
+#include "statistics.hpp"
+#include "tdoa.hpp"
+
+namespace uwbpos::host {
+namespace {
+
+constexpr Id kBody = 0;  // stands for all tags of a body
+
+// The end of an epoch.
+struct EpochEnd {
+  double t;
+  Id tag;
+};
+
+// All measurements of one track, by time, and the times at which its pose is asked for.
+struct Stream {
+  std::vector<TimedMeasurement> measurements;
+  std::vector<double> ends;
+};
+
+// How a recording is to be followed.
+struct Plan {
+  int dim = 2;
+  bool flat = false;  // heights are left out
+  bool body = false;  // all tags are those of one body whose pose is wanted
+  bool unit = false;  // with an inertial unit
+  double start = 0;   // time zero [s]
+  std::map<Id, Stream> streams;
+};
+
+std::int64_t microseconds(double t, double start) { return std::llround((t - start) * 1e6); }
+
+bool apart_in_plan(const Site& site, const std::set<Id>& heard) {
+  constexpr double apart = 1e-6;  // [m]
+  const Vec3* first = nullptr;
+  for (const auto& [id, arm] : site.tags) {
+    if (!heard.contains(id)) continue;
+    if (first == nullptr) first = &arm;
+    if ((arm - *first).head<2>().norm() > apart) return true;
+  }
+  return false;
+}
+
+// Differences of one blink against one reference share its noise.
+void mark_shared(std::vector<TimedMeasurement>& all) {
+  for (std::size_t i = 0; i < all.size();) {
+    std::size_t end = i + 1;
+    bool one_reference = all[i].is_difference;
+    while (end < all.size() && all[end].time == all[i].time && all[end].tag == all[i].tag) {
+      one_reference =
+          one_reference && all[end].is_difference && all[end].anchor_a == all[i].anchor_a;
+      ++end;
+    }
+    if (one_reference && end - i > 1) {
+      for (std::size_t k = i; k < end; ++k) all[k].shared = true;
+    }
+    i = end;
+  }
+}
+
+std::vector<EpochEnd> epoch_ends(const Settings& settings, const Site& site, bool body, int dim,
+                                 const std::vector<Reading>& readings,
+                                 std::vector<Difference> differences, Replay& result) {
+  std::vector<EpochEnd> ends;
+  if (!readings.empty()) {
+    std::vector<std::pair<Id, Id>> links;
+    std::vector<Epoch> epochs;
+    if (body && !site.tags.empty()) {
+      epochs = body_epochs(site, readings, settings.epoch_window, links, result.rule);
+    } else {
+      result.rule = epoch_rule(readings, settings.epoch_window);
+      epochs = group_epochs(readings, result.rule).epochs;
+    }
+    for (const Epoch& epoch : epochs) {
+      ends.push_back({epoch.readings.back().t, body ? kBody : epoch.tag});
+    }
+  } else {
+    if (body) {
+      for (Difference& d : differences) d.tag = kBody;
+    }
+    const DifferenceRule rule = difference_rule(differences, dim, settings.epoch_window);
+    result.rule = {rule.window, 0};
+    for (const DifferenceEpoch& epoch : group_differences(differences, rule)) {
+      ends.push_back({epoch.differences.back().t, epoch.tag});
+    }
+  }
+  return ends;
+}
+
+// One track through its stream.
+class Follow {
+ public:
+  Follow(const Site& site, const Plan& plan, Id tag, BankOptions options, Replay& replay)
+      : site_{site}, plan_{plan}, tag_{tag}, bank_{std::move(options)}, replay_{replay} {
+    if (plan.body && !replay_.body) replay_.body.emplace();
+    if (replay_.body) replay_.body->rule = replay_.rule;
+  }
+
+  void take(const TimedMeasurement& m) {
+    const auto start = std::chrono::steady_clock::now();
+    const Verdict verdict = bank_.take(m);
+    const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+    replay_.solve_seconds += taken.count();
+    ++replay_.solve_calls;
+    Filtering& f = *replay_.filtering;
+    f.begun += verdict.began ? 1 : 0;
+    f.reopened += verdict.reopened ? 1 : 0;
+    if (!verdict.met_track) return;
+    const double t = plan_.start + 1e-6 * static_cast<double>(m.time);
+    if (verdict.used) {
+      ++f.used;
+      f.innovations.push_back({t, verdict.used->normalised_square});
+    } else if (verdict.refused) {
+      ++f.refused[std::string{reason_name(*verdict.refused)}];
+      f.refusals.push_back({t, m.anchor_b, *verdict.refused});
+    }
+    if (verdict.used || verdict.refused) {
+      tally(m.anchor_b, verdict.used.has_value());
+      if (m.is_difference) tally(m.anchor_a, verdict.used.has_value());
+    }
+    if (!replay_.residuals_to_truth) note_residual(t, m);
+  }
+
+  void take(std::int64_t time, const InertialReading& sample) {
+    const auto start = std::chrono::steady_clock::now();
+    bank_.take(time, sample);
+    const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+    replay_.solve_seconds += taken.count();
+  }
+
+  void end_epoch(double t) {
+    const Result<Estimate> estimate = bank_.at(microseconds(t, plan_.start));
+    if (plan_.body) {
+      end_body_epoch(t, estimate);
+      return;
+    }
+    Outcome& outcome = replay_.of_tag[tag_];
+    ++outcome.epochs;
+    if (!estimate) {
+      ++outcome.rejected[std::string{reason_name(estimate.error())}];
+      return;
+    }
+    ++outcome.solved;
+    add_position(t, tag_, estimate->position);
+    add_spread(t, *estimate);
+  }
+
+  void finish() { replay_.filtering->unit_restarts += bank_.restarts(); }
+
+ private:
+  void tally(Id anchor, bool used) {
+    AnchorTally& tally = replay_.filtering->of_anchor[anchor];
+    ++(used ? tally.used : tally.refused);
+  }
+
+  void add_position(double t, Id tag, const Vec3& position) {
+    replay_.track.push_back({t, tag, position, 0, 0, 0, false, std::nullopt});
+  }
+
+  void add_spread(double t, const Estimate& e) {
+    replay_.filtering->spreads.push_back(
+        {t, e.position.head<2>(), e.covariance.topLeftCorner<2, 2>()});
+  }
+
+  // The body's pose, and the tags' positions by it.
+  void end_body_epoch(double t, const Result<Estimate>& estimate) {
+    Body& body = *replay_.body;
+    ++body.epochs;
+    if (!estimate) ++body.rejected[std::string{reason_name(estimate.error())}];
+    if (estimate) {
+      constexpr double guessed = 0.35;  // [rad]
+      SolvedPose solved{t, {}, 0, 0, 0, false, std::nullopt};
+      solved.pose.position = estimate->position;
+      solved.pose.covariance.setZero();
+      solved.pose.covariance.topLeftCorner<3, 3>() = estimate->covariance;
+      solved.heading_known = estimate->heading && estimate->heading->variance < guessed * guessed;
+      solved.pose.heading = estimate->heading ? estimate->heading->value : 0;
+      solved.pose.covariance(3, 3) =
+          estimate->heading ? estimate->heading->variance
+                            : std::numbers::pi * std::numbers::pi / 3;  // of any heading
+      solved.attitude = estimate->attitude;
+      body.track.push_back(solved);
+      add_spread(t, *estimate);
+      if (bank_.best_is_inertial()) ++replay_.filtering->inertial_epochs;
+    }
+    for (auto& [tag, outcome] : replay_.of_tag) {
+      ++outcome.epochs;
+      if (!estimate) {
+        ++outcome.rejected[std::string{reason_name(estimate.error())}];
+        continue;
+      }
+      ++outcome.solved;
+      const auto arm = site_.tags.find(tag);
+      const double half = body.track.back().pose.heading / 2;
+      const Rotation level{0, 0, std::sin(half), std::cos(half)};
+      Vec3 at = estimate->position;
+      if (arm != site_.tags.end()) at += rotate(estimate->attitude.value_or(level), arm->second);
+      add_position(t, tag, at);
+    }
+  }
+
+  void note_residual(double t, const TimedMeasurement& m) {
+    const auto place = bank_.place(m.tag);
+    if (!place) return;
+    const auto distance = [&](Id anchor) {
+      return error_length(*place - site_.anchors.at(anchor), plan_.flat ? 2 : 3);
+    };
+    const double to_b = distance(m.anchor_b);
+    if (m.is_difference) {
+      add_residual(replay_, {t, m.tag, m.anchor_a, m.anchor_b, m.value, {}, 0},
+                   m.value - (to_b - distance(m.anchor_a)));
+    } else {
+      replay_.residuals[{m.tag, m.anchor_b}].push_back({t, m.value - to_b});
+    }
+  }
+
+  const Site& site_;
+  const Plan& plan_;
+  Id tag_;
+  HypothesisBank bank_;
+  Replay& replay_;
+};
+
+// The unit's samples, a fast one's averaged down to some 200 a second, which is all that radio has
+// a use for.
+std::vector<InertialReading> thinned(const std::vector<InertialReading>& samples) {
+  constexpr double period = 0.004;
+  std::vector<InertialReading> kept;
+  std::size_t count = 0;
+  InertialReading sum{};
+  double first = 0;
+  const auto flush = [&] {
+    if (count == 0) return;
+    const auto n = static_cast<double>(count);
+    kept.push_back({sum.t, sum.gyro / n, sum.accelerometer / n});
+    count = 0;
+  };
+  // Beyond what units measure and bodies bear: a broken row.
+  constexpr double fastest = 200;   // [rad/s]
+  constexpr double hardest = 2000;  // [m/s²]
+  for (const InertialReading& s : samples) {
+    if (!(s.gyro.norm() < fastest) || !(s.accelerometer.norm() < hardest)) continue;
+    if (count > 0 && s.t - first >= period) flush();
+    if (count == 0) {
+      first = s.t;
+      sum = {s.t, Vec3::Zero(), Vec3::Zero()};
+    }
+    sum.t = s.t;
+    sum.gyro += s.gyro;
+    sum.accelerometer += s.accelerometer;
+    ++count;
+  }
+  flush();
+  return kept;
+}
+
+// Why an accelerometer cannot be one in m/s²; empty if it can. Whatever the body does, it feels g
+// on average, and most of the time.
+std::string implausible(const std::vector<InertialReading>& samples) {
+  constexpr double low = 6;  // [m/s²]
+  constexpr double high = 16;
+  std::vector<double> lengths;
+  for (const InertialReading& s : samples) lengths.push_back(s.accelerometer.norm());
+  const double usual = median(std::move(lengths));
+  if (usual > low && usual < high) return "";
+  return fmt::format(
+      "its accelerometer feels {:.3g} m/s², where gravity alone is 9.8: another unit?", usual);
+}
+
+BankOptions bank_options(const Settings& settings, const Site& site, const Plan& plan, Id tag) {
+  BankOptions o;
+  o.motion = plan.unit && plan.dim == 3 ? BodyMotion::kInertial
+             : plan.body                ? BodyMotion::kPlanarBody
+             : plan.dim == 3            ? BodyMotion::kPointInSpace
+                                        : BodyMotion::kPointInPlane;
+  o.anchors = site.anchors;
+  o.tags = site.tags;
+  if (plan.flat) {
+    for (auto& [id, position] : o.anchors) position.z() = 0;
+    for (auto& [id, arm] : o.tags) arm.z() = 0;
+  }
+  if (settings.height) {
+    o.height = tag_height(*settings.height, site.tags, tag);
+    if (plan.body) {
+      double mean = 0;
+      for (const auto& [id, arm] : site.tags) mean += arm.z();
+      o.height =
+          *settings.height - mean / static_cast<double>(std::max<std::size_t>(1, site.tags.size()));
+    }
+  }
+  if (settings.side != Side::kUnknown) {
+    o.side = Vec3{0, 0, settings.side == Side::kAbove ? 1.0 : -1.0};
+  }
+  o.prior = settings.prior;
+  o.network = site.network;
+  return o;
+}
+
+std::string words_for(const Plan& plan) {
+  if (plan.unit && plan.dim == 3) return "inertial navigation, and points that move on as they do";
+  if (plan.body) return plan.unit ? "a body on a floor, with a gyro" : "a body on a floor";
+  return plan.dim == 3 ? "a point in space that moves on as it does"
+                       : "a point in the plane that moves on as it does";
+}
+
+void follow_all(const Settings& settings, const Site& site, const Plan& plan,
+                const std::vector<InertialReading>& samples, Replay& result,
+                const std::function<void(std::size_t, std::size_t)>& progress) {
+  std::size_t of = 0;
+  std::size_t done = 0;
+  for (const auto& [tag, stream] : plan.streams) of += stream.measurements.size();
+  for (const auto& [tag, stream] : plan.streams) {
+    Follow follow{site, plan, tag, bank_options(settings, site, plan, tag), result};
+    std::size_t sample = 0;
+    std::size_t end = 0;
+    const auto samples_until = [&](std::int64_t time) {
+      for (; sample < samples.size(); ++sample) {
+        const std::int64_t at = microseconds(samples[sample].t, plan.start);
+        if (at > time) break;
+        follow.take(at, samples[sample]);
+      }
+    };
+    for (const TimedMeasurement& m : stream.measurements) {
+      if (progress && done++ % kProgressStep == 0) progress(done, of);
+      while (end < stream.ends.size() && microseconds(stream.ends[end], plan.start) < m.time) {
+        follow.end_epoch(stream.ends[end++]);
+      }
+      samples_until(m.time);
+      follow.take(m);
+    }
+    while (end < stream.ends.size()) follow.end_epoch(stream.ends[end++]);
+    follow.finish();
+  }
+  if (progress) progress(of, of);
+}
+
+}  // namespace
+
+double refused_share(const AnchorTally& tally) {
+  const std::size_t all = tally.used + tally.refused;
+  return all == 0 ? 0 : static_cast<double>(tally.refused) / static_cast<double>(all);
+}
+
+std::vector<Id> guilty_anchors(const Filtering& filtering) {
+  constexpr std::size_t enough = 20;
+  constexpr double most = 0.5;
+  constexpr double times = 3;
+  std::vector<double> shares;
+  for (const auto& [id, tally] : filtering.of_anchor) shares.push_back(refused_share(tally));
+  if (shares.size() < 3) return {};
+  const double typical = median(shares);
+  std::vector<Id> guilty;
+  for (const auto& [id, tally] : filtering.of_anchor) {
+    const double share = refused_share(tally);
+    if (tally.used + tally.refused >= enough && share > most && share > times * typical) {
+      guilty.push_back(id);
+    }
+  }
+  return guilty;
+}
+
+Replay replay_filtered(Settings settings, const Recording& recording,
+                       const std::function<void(std::size_t, std::size_t)>& progress) {
+  const Site& site = recording.site;
+  if (settings.side == Side::kUnknown && settings.height) {
+    settings.side = side_of(*settings.height, site.anchors);
+  }
+  Replay result;
+  result.filtering.emplace();
+  Filtering& f = *result.filtering;
+  Plan plan;
+  plan.dim = result.dim = choose_dim(settings, site.anchors);
+  plan.flat = plan.dim == 2 && !settings.height;
+  result.residuals_to_truth = !site.truth.empty();
+  result.of_differences = recording.readings.empty();
+
+  std::vector<Reading> readings = usable_readings(settings, site, recording.readings, result);
+  std::vector<Difference> differences =
+      usable_differences(settings, site, plan.flat, recording.differences, result);
+  std::set<Id> heard;
+  for (const Reading& r : readings) heard.insert(r.tag);
+  for (const Difference& d : differences) heard.insert(d.tag);
+  f.samples = recording.samples.size();
+  const bool several = apart_in_plan(site, heard);
+  const bool one_body = several || heard.size() == 1;
+  if (!recording.samples.empty()) {
+    if (!one_body) {
+      f.unused_unit = "several tags, and no tags file that tells where they sit on one body";
+    } else if (plan.dim == 2 && !several) {
+      f.unused_unit = "one tag in the plane has no heading; --dim 3 uses it";
+    } else {
+      f.unused_unit = implausible(recording.samples);
+      plan.unit = f.unused_unit.empty();
+    }
+  }
+  plan.body = (several && plan.dim == 2) || (plan.unit && plan.dim == 3);
+  if (site.network && (!plan.body || plan.flat)) {
+    throw Failure{
+        "--bias-network needs the body's attitude, so --tags with two or more lever arms in the "
+        "plane, or --imu, and heights, so --height or --dim 3"};
+  }
+  if (plan.body && !site.tags.empty()) {
+    // A tag that sits nobody knows where is of no use to the body.
+    std::erase_if(readings, [&](const Reading& r) { return !site.tags.contains(r.tag); });
+    std::erase_if(differences, [&](const Difference& d) { return !site.tags.contains(d.tag); });
+  }
+  f.motion = words_for(plan);
+
+  const double of_difference = settings.sigma.value_or(kRangeSigma) * std::numbers::sqrt2;
+  plan.start = std::numeric_limits<double>::infinity();
+  for (const Reading& r : readings) plan.start = std::min(plan.start, r.t);
+  for (const Difference& d : differences) plan.start = std::min(plan.start, d.t);
+  constexpr double longest = 1e9;  // [s]; thirty years
+  const auto too_late = [&](const auto& m) { return !(m.t - plan.start < longest); };
+  const std::size_t dropped =
+      std::erase_if(readings, too_late) + std::erase_if(differences, too_late);
+  if (dropped > 0) {
+    result.refused_readings[std::string{reason_name(Error::NumericOverflow)}] += dropped;
+  }
+
+  for (const Reading& r : readings) {
+    plan.streams[plan.body ? kBody : r.tag].measurements.push_back(
+        {microseconds(r.t, plan.start), r.tag, r.anchor, r.anchor, r.range,
+         r.sigma.value_or(settings.sigma.value_or(kRangeSigma)), false, false});
+  }
+  for (const Difference& d : differences) {
+    plan.streams[plan.body ? kBody : d.tag].measurements.push_back(
+        {microseconds(d.t, plan.start), d.tag, d.anchor_a, d.anchor_b, d.difference,
+         d.sigma.value_or(of_difference), true, false});
+  }
+  for (auto& [tag, stream] : plan.streams) {
+    std::ranges::stable_sort(stream.measurements, {}, &TimedMeasurement::time);
+    mark_shared(stream.measurements);
+  }
+  for (const EpochEnd& end :
+       epoch_ends(settings, site, plan.body, plan.dim, readings, differences, result)) {
+    plan.streams[end.tag].ends.push_back(end.t);
+  }
+  for (auto& [tag, stream] : plan.streams) std::ranges::sort(stream.ends);
+  for (const Id tag : heard) result.of_tag.try_emplace(tag);
+
+  std::vector<InertialReading> samples;
+  if (plan.unit) {
+    samples = thinned(recording.samples);
+    std::erase_if(samples, [&](const auto& s) { return !(std::abs(s.t - plan.start) < longest); });
+    f.samples = samples.size();
+  }
+  follow_all(settings, site, plan, samples, result, progress);
+
+  std::ranges::stable_sort(result.track, {}, &Position::t);
+  if (result.residuals_to_truth) {
+    residuals_against_truth(site, settings, plan.flat, readings, result);
+    residuals_against_truth(site, settings, plan.flat, differences, result);
+  }
+  score(site, result);
+  if (result.body) {
+    std::ranges::stable_sort(result.body->track, {}, &SolvedPose::t);
+    score_body(site, result.dim, *result.body);
+    result.body->solve_seconds = result.solve_seconds;
+    result.body->solve_calls = result.solve_calls;
+  }
+  return result;
+}
+
+}  // namespace uwbpos::host

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// @file
+/// A recording through trackers: all that its files hold in order of time, causally, one pose at
+/// the end of each epoch.
+
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "formats.hpp"
+#include "reasons.hpp"
+
+namespace uwbpos::host {
+
+struct Recording;
+struct Replay;
+struct Settings;
+
+/// What a filter was told, one after the other.
+struct Innovated {
+  double t;           ///< [s]
+  double normalised;  ///< ν²/S, 1 on average when all is right
+};
+
+/// A measurement that the gate refused.
+struct RefusedMeasurement {
+  double t;   ///< [s]
+  Id anchor;  ///< of a difference, b
+  Error reason;
+};
+
+/// How well a position was thought to be known.
+struct PositionSpread {
+  double t;  ///< [s]
+  Vec2 position;
+  Mat<double, 2> covariance;  ///< [m²]
+};
+
+/// Measurements of one anchor; a difference counts for both.
+struct AnchorTally {
+  std::size_t used = 0;
+  std::size_t refused = 0;
+};
+
+/// What filtering was like.
+struct Filtering {
+  std::string motion;  ///< what was filtered with, in words
+  std::size_t used = 0;
+  Counts refused;  ///< measurements, by reason
+  std::vector<Innovated> innovations;
+  std::vector<RefusedMeasurement> refusals;
+  std::vector<PositionSpread> spreads;  ///< with each pose
+  std::map<Id, AnchorTally> of_anchor;
+  std::size_t begun = 0;            ///< tracks, also after they were lost
+  std::size_t reopened = 0;         ///< filters that their own gate had locked out
+  std::size_t inertial_epochs = 0;  ///< whose pose used the inertial unit
+  std::size_t unit_restarts = 0;    ///< of hypotheses on the unit, all of them beaten
+  std::size_t samples = 0;          ///< of the inertial unit, as used
+  std::string unused_unit;          ///< why the inertial unit was not used; or empty
+};
+
+/// The share of an anchor's measurements that was refused, 0 … 1.
+[[nodiscard]] double refused_share(const AnchorTally& tally);
+
+/// Anchors most of whose measurements were refused, several times as many as a typical anchor's.
+[[nodiscard]] std::vector<Id> guilty_anchors(const Filtering& filtering);
+
+/// Filters and scores. Several tags with lever arms apart are one body, several without a tags file
+/// are followed one by one.
+[[nodiscard]] Replay replay_filtered(
+    Settings settings, const Recording& recording,
+    const std::function<void(std::size_t, std::size_t)>& progress = {});
+
+}  // namespace uwbpos::host

@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: MIT
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include <command_line.hpp>
+#include <commands.hpp>
+#include <diagnosis.hpp>
+#include <doctest/doctest.h>
+#include <failure.hpp>
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+#include <recording.hpp>
+#include <replay.hpp>
+
+#include "uwbpos/core/quaternion.hpp"
+#include "uwbpos/sim/noise.hpp"
+
+#include "host/files.hpp"
+#include "support/data.hpp"
+
+namespace tests::host_filtering {
+
+namespace {
+
+using namespace uwbpos;
+using namespace uwbpos::host;
+using test::Files;
+using Json = nlohmann::json;
+
+int run_with(const std::vector<std::string>& words) {
+  std::vector<const char*> argv{"uwbpos"};
+  for (const std::string& word : words) argv.push_back(word.c_str());
+  return run(static_cast<int>(argv.size()), argv.data());
+}
+
+// A drone in a room of eight anchors: two seconds at rest, then a course of its own.
+class Drone {
+ public:
+  explicit Drone(const std::string& name, double seconds) : random_{name} {
+    for (Id id = 0; id < 8; ++id) {
+      recording_.site.anchors[id] = {id % 4 == 0 || id % 4 == 3 ? 0.0 : 7.0, id % 4 < 2 ? 0.0 : 6.0,
+                                     id < 4 ? 0.2 : 2.9};
+    }
+    std::vector<StampedPose> truth;
+    for (double t = 0; t < seconds; t += 0.01) {
+      const Quaternion<double> q = orientation(t);
+      truth.push_back({t, position(t), {q[1], q[2], q[3], q[0]}});
+    }
+    recording_.site.truth = Trajectory{truth};
+    for (double t = 0; t < seconds; t += 0.01) {
+      const Quaternion<double> q = orientation(t);
+      const Quaternion<double> back{q[0], -q[1], -q[2], -q[3]};
+      const Quaternion<double> turn = multiply<double>(back, orientation(t + 1e-4));
+      const Vec3 force = rotate<double>(back, acceleration(t) + Vec3{0, 0, 9.80665});
+      InertialReading sample{t, {}, {}};
+      for (int k = 0; k < 3; ++k) {
+        sample.gyro[k] = 2e4 * turn[1 + k] + 0.01 + random_.normal(0, 0.02);
+        sample.accelerometer[k] = force[k] + 0.05 + random_.normal(0, 0.2);
+      }
+      samples_.push_back(sample);
+    }
+  }
+
+  // Fifty a second; anchor `liar` lies by two metres.
+  void measure(bool differences, int liar = -1) {
+    const double end = recording_.site.truth.poses().back().t;
+    int i = 0;
+    for (double t = 0.003; t < end; t += 0.02, ++i) {
+      const Id a = static_cast<Id>(i % 8);
+      const Id b = static_cast<Id>((i + 1 + random_.integer(0, 6)) % 8);
+      const auto range = [&](Id id) {
+        return (position(t) - recording_.site.anchors.at(id)).norm() +
+               (static_cast<int>(id) == liar ? 2 : 0);
+      };
+      const double outlier = random_.chance(0.05) ? random_.uniform(0.5, 4) : 0;
+      if (differences) {
+        recording_.differences.push_back(
+            {t, 0, a, b, range(b) - range(a) + random_.normal(0, 0.14) + outlier, {}, 0});
+      } else {
+        recording_.readings.push_back(
+            {t, 0, a, range(a) + random_.normal(0, 0.1) + outlier, {}, {}, 0});
+      }
+    }
+  }
+
+  [[nodiscard]] Replay filtered(bool with_unit) {
+    recording_.samples = with_unit ? samples_ : std::vector<InertialReading>{};
+    Settings settings;
+    settings.dim = 3;
+    settings.filter = true;
+    return replay_filtered(settings, recording_);
+  }
+
+  std::vector<InertialReading>& samples() { return samples_; }
+
+ private:
+  static constexpr double kRest = 2;
+  [[nodiscard]] static double gone(double t) { return std::max(t - kRest, 0.0); }
+  // The course begins at rest: s³/(1 + s²)… grows like s.
+  [[nodiscard]] static double along(double t) {
+    const double s = gone(t);
+    return s * s * s / (1 + s * s);
+  }
+  [[nodiscard]] static Vec3 position(double t) {
+    const double s = along(t);
+    return {3.5 + 2 * std::sin(0.8 * s), 3 + 1.6 * std::sin(1.1 * s), 1 + 0.4 * std::sin(0.9 * s)};
+  }
+  [[nodiscard]] static Vec3 acceleration(double t) {
+    constexpr double h = 1e-3;
+    return (position(t + h) - 2 * position(t) + position(t - h)) / (h * h);
+  }
+  // Leans into its acceleration; looks 2 rad away from x and turns.
+  [[nodiscard]] static Quaternion<double> orientation(double t) {
+    const Vec3 force = acceleration(t) + Vec3{0, 0, 9.80665};
+    return multiply<double>(quaternion_between<double>({0, 0, 1}, force),
+                            quaternion_from_yaw<double>(2 + 0.5 * std::sin(0.3 * gone(t))));
+  }
+
+  sim::Random random_;
+  Recording recording_;
+  std::vector<InertialReading> samples_;
+};
+
+std::vector<std::string> words_of_lias(const std::filesystem::path& lias, const char* command,
+                                       const char* part, const std::string& out) {
+  return {command,
+          "--anchors",
+          (lias / "anchors.csv").string(),
+          "--tags",
+          (lias / "tags.csv").string(),
+          "--ranges",
+          (lias / part / "ranges.csv").string(),
+          "--truth",
+          (lias / part / "truth.tum").string(),
+          "--out",
+          out};
+}
+
+}  // namespace
+
+TEST_CASE("filtering: a drone's inertial unit helps, by ranges and by differences, yaw unknown") {
+  for (const bool differences : {false, true}) {
+    CAPTURE(differences);
+    Drone drone{"a drone to be filtered", 20};
+    drone.measure(differences);
+    const Replay without = drone.filtered(false);
+    const Replay with = drone.filtered(true);
+    CHECK(without.all.solved + 1 >= without.all.epochs);
+    REQUIRE(with.body);
+    CHECK(with.body->track.size() + 1 >= with.body->epochs);
+    MESSAGE("rmse " << without.all.error.rmse << " m without, " << with.body->error.rmse
+                    << " m with the unit; heading "
+                    << radians_to_degrees(with.body->heading_error.rmse) << " deg");
+    CHECK(with.body->error.rmse < without.all.error.rmse);
+    CHECK(without.all.error.rmse < 0.25);
+    // Known where it is scored: half of the flight or more, to a few degrees.
+    CHECK(2 * with.body->heading_error.count > with.body->track.size());
+    CHECK(radians_to_degrees(with.body->heading_error.rmse) < 10);
+    CHECK(guilty_anchors(*with.filtering).empty());
+  }
+}
+
+TEST_CASE("filtering: a unit whose readings are wrong is left out, and that is said") {
+  Drone drone{"a drone with a bad unit", 20};
+  drone.measure(false);
+  const double without = drone.filtered(false).all.error.rmse;
+  for (InertialReading& s : drone.samples()) s.gyro *= 57.3;  // in degrees
+  const Replay with = drone.filtered(true);
+  REQUIRE(with.body);
+  CHECK(with.body->error.rmse < 1.5 * without);
+  CHECK(with.filtering->inertial_epochs * 2 < with.body->track.size());
+  Recording nothing;
+  std::string said;
+  for (const std::string& sentence : remarks(nothing, with, Problems{})) said += sentence;
+  CHECK(said.find("contradicts the radio") != std::string::npos);
+
+  // An accelerometer in units of g is known by gravity, before anything is followed.
+  for (InertialReading& s : drone.samples()) s.accelerometer /= 9.80665;
+  const Replay unused = drone.filtered(true);
+  CHECK(unused.filtering->unused_unit.find("gravity") != std::string::npos);
+  CHECK(unused.all.error.rmse == without);
+}
+
+TEST_CASE("filtering: an anchor that lies by two metres throughout is named") {
+  for (const bool differences : {false, true}) {
+    CAPTURE(differences);
+    Drone drone{"a drone and a liar", 20};
+    drone.measure(differences, 5);
+    const Replay result = drone.filtered(false);
+    REQUIRE(result.filtering);
+    CHECK(guilty_anchors(*result.filtering) == std::vector<Id>{5});
+    CHECK(result.all.error.median < 0.25);
+    const auto said = diagnose(result, anchor_qualities(result));
+    REQUIRE_FALSE(said.empty());
+    CHECK(said.front().find("Anchor 5 is guilty") == 0);
+  }
+}
+
+TEST_CASE("filtering: a trolley with three tags, with constants and with a network") {
+  const auto lias = test::data_or_skip("lias", "lias/mid through replay --filter");
+  if (!lias) return;
+  const Files files;
+  auto calibrate = words_of_lias(*lias, "calibrate", "static", files.path("cal").string());
+  REQUIRE(run_with(calibrate) == kSuccess);
+  auto words = words_of_lias(*lias, "replay", "mid", files.path("out").string());
+  words.insert(words.end(), {"--height", "0.96", "--filter"});
+  auto network = words;
+  words.insert(words.end(), {"--bias", files.path("cal/bias.csv").string()});
+  REQUIRE(run_with(words) == kSuccess);
+  const Json constants = Json::parse(files.read("out/summary.json"));
+  CHECK(constants.at("solved") == 1200);
+  CHECK(constants.at("error_m").at("rmse").get<double>() <= 0.035);
+  CHECK(constants.at("heading_error_deg").at("rmse").get<double>() <= 3.6);
+  const std::string report = files.read("out/report.html");
+  for (const char* title :
+       {"Innovations (NIS)", "Ellipses: where", "Bars from below", "causally"}) {
+    CHECK(report.find(title) != std::string::npos);
+  }
+  network.insert(network.end(),
+                 {"--bias-network", "examples/bias_training/lias/bias_network.json"});
+  REQUIRE(run_with(network) == kSuccess);
+  const Json trained = Json::parse(files.read("out/summary.json"));
+  CHECK(trained.at("error_m").at("rmse").get<double>() < 0.030);
+}
+
+TEST_CASE("filtering: a robot outside its box of four anchors") {
+  const auto folder = test::data_or_skip("hanyang/los_trajectory_b_case_4",
+                                         "a robot outside four anchors through replay --filter");
+  if (!folder) return;
+  const Files files;
+  REQUIRE(run_with({"replay", "--anchors", (*folder / "anchors.csv").string(), "--ranges",
+                    (*folder / "ranges.csv").string(), "--truth", (*folder / "truth.tum").string(),
+                    "--height", "1", "--filter", "--out", files.path("out").string()}) == kSuccess);
+  const Json summary = Json::parse(files.read("out/summary.json"));
+  CHECK(summary.at("error_m").at("rmse_xy").get<double>() <= 0.40);
+}
+
+TEST_CASE("filtering: options that need one another, and inertial files that hold nothing") {
+  const Files files;
+  const std::string anchors =
+      files.write("a.csv", "anchor_id,x_m,y_m,z_m\n0,0,0,1\n1,9,0,1\n2,0,9,1\n3,9,9,1\n").string();
+  std::string rows = "t_s,anchor_id,range_m\n";
+  for (int i = 0; i < 100; ++i) rows += fmt::format("{},{},6.364\n", 0.01 * i, i % 4);
+  // A time that no clock tells; it is refused, the rest is followed.
+  const std::string ranges = files.write("r.csv", rows + "1e300,0,6\n").string();
+  const std::string out = files.path("out").string();
+  const std::vector<std::string> base{"replay", "--anchors", anchors, "--ranges",
+                                      ranges,   "--out",     out};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), base.begin(), base.end());
+    return run_with(more);
+  };
+  const auto imu = [&](const std::string& text) {
+    return files
+        .write("i.csv",
+               "t_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,acc_x_mps2,acc_y_mps2,acc_z_"
+               "mps2\n" +
+                   text)
+        .string();
+  };
+  CHECK(with({"--imu", imu("0,0,0,0,0,0,9.8\n")}) == kBadUsage);
+  CHECK(with({"--filter", "--loss", "huber"}) == kBadUsage);
+  CHECK(with({"--tdoa", ranges}) == kBadUsage);
+  CHECK(with({"--filter", "--subnets", anchors}) == kBadUsage);
+  CHECK(with({"--filter", "--imu", imu("")}) == kBadInput);
+  CHECK(with({"--filter", "--imu", files.write("n.csv", "t_s\n0\n").string()}) == kBadInput);
+  CHECK(with({"--filter", "--imu", imu("x,0,0,0,0,0,0\n0,,0,0,0,0,0\n"), "--strict"}) == kBadInput);
+  CHECK(with({"--filter"}) == kSuccess);
+  const Json summary = Json::parse(files.read("out/summary.json"));
+  CHECK(summary.at("solved").get<int>() > 0);
+  CHECK(summary.at("refused_readings").at("numeric_overflow") == 1);
+  // Of no use in the plane with one tag, which is said.
+  CHECK(with({"--filter", "--imu", imu("0,0,0,0,0,0,9.8\n1e300,9e99,0,0,0,0,0\n")}) == kSuccess);
+  CHECK(files.read("out/report.html").find("inertial unit was not used") != std::string::npos);
+}
+
+}  // namespace tests::host_filtering
