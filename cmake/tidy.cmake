@@ -3,6 +3,8 @@
 # goes into what they share.
 file(GLOB_RECURSE headers CONFIGURE_DEPENDS RELATIVE ${PROJECT_SOURCE_DIR}/include
      ${PROJECT_SOURCE_DIR}/include/*.hpp)
+# These two come in pairs, around what a header holds.
+list(FILTER headers EXCLUDE REGEX "/macros_(off|back)\\.hpp$")
 list(TRANSFORM headers REPLACE "(.+)" "#include \"\\1\"\n")
 file(GLOB examples CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/examples/*.cpp)
 set(units ${headers})

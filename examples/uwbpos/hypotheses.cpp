@@ -102,7 +102,7 @@ class Follower final : public Hypothesis {
     }
     const auto pose = tracker_->pose();
     if (!pose) return std::unexpected(pose.error());
-    const Estimate estimate = estimate_of(*pose, bank_.height);
+    Estimate estimate = estimate_of(*pose, bank_.height);
     if (!all_finite(estimate.position) || !estimate.covariance.allFinite()) {
       return std::unexpected(Error::NotFinite);
     }
