@@ -232,10 +232,13 @@ void settle_solving(const CLI::App& app, Arguments& a) {
     return;
   }
   if (!s.tdoa.empty()) {
-    for (const char* other : {"--ranges", "--twr", "--bias-network"}) {
-      if (app.count(other) > 0) {
+    const bool network_fits = app.count("--attitude") > 0;
+    for (const std::string& other : {"--ranges", "--twr", "--bias-network"}) {
+      if (app.count(other) > 0 && !(other == "--bias-network" && network_fits)) {
         throw CLI::ValidationError{
-            other, "cannot be used together with --tdoa but with --filter, which uses both"};
+            other, other == "--bias-network"
+                       ? "with --tdoa needs --attitude or --filter"
+                       : "cannot be used together with --tdoa but with --filter, which uses both"};
       }
     }
   }

@@ -22,7 +22,8 @@ TEST_CASE_TEMPLATE("heading: direction in plan and gradient by turns of the body
     Vec<S, 3> forward = test::random_direction<S, 3>(random);
     if (std::abs(forward[2]) > S(0.95)) continue;  // the gradient grows like 1/(1 − f_z²)
     const auto prediction = predict_heading<S>(forward);
-    CHECK(prediction.heading == std::atan2(forward[1], forward[0]));
+    // Within the rounding of the library's own arctangent, which is the same on every processor.
+    CHECK(std::abs(prediction.heading - std::atan2(forward[1], forward[0])) < S(5e-7));
     const auto turned = [&](const Vec<S, 3>& turn) {
       const Vec<S, 3> f = rotate<S>(quaternion_from_turn<S>(turn), forward);
       return angle_difference(std::atan2(f[1], f[0]), prediction.heading);
