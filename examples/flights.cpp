@@ -22,12 +22,12 @@
 namespace {
 
 using namespace uwbpos;
-using Place = Vec<double, 3>;
+using Spot = Vec<double, 3>;
 
 constexpr std::size_t kAnchorCount = 8;
 
 struct Place {
-  std::array<Place, kAnchorCount> anchors;
+  std::array<Spot, kAnchorCount> anchors;
   std::array<sim::Antenna, kAnchorCount> antennas;
   sim::Antenna tag;  // as the body lies
 };
@@ -47,7 +47,7 @@ Place make_place(double peak_to_peak) {
 
 struct Epoch {
   double t;
-  Place position;
+  Spot position;
   Quaternion<double> attitude;
   std::array<double, kAnchorCount> range;  // true
   std::array<double, kAnchorCount> bias;
@@ -64,7 +64,7 @@ std::vector<Epoch> fly(const Place& place, std::uint64_t number, double seconds)
     sim::Antenna tag = place.tag;
     tag.map_q_antenna = epoch.attitude;
     for (std::size_t i = 0; i < kAnchorCount; ++i) {
-      const Place offset = place.anchors[i] - epoch.position;
+      const Spot offset = place.anchors[i] - epoch.position;
       epoch.range[i] = norm<double, 3>(offset);
       epoch.bias[i] = sim::link_bias(tag, place.antennas[i], offset);
     }
@@ -73,7 +73,7 @@ std::vector<Epoch> fly(const Place& place, std::uint64_t number, double seconds)
   return epochs;
 }
 
-void pose_line(std::FILE* file, double t, const Place& p, const Quaternion<double>& q) {
+void pose_line(std::FILE* file, double t, const Spot& p, const Quaternion<double>& q) {
   std::fprintf(file, "%.3f %.5f %.5f %.5f %.7f %.7f %.7f %.7f\n", t, p[0], p[1], p[2], q[1], q[2],
                q[3], q[0]);
 }
@@ -105,7 +105,7 @@ int write(const std::filesystem::path& directory, std::uint64_t number, double s
   }
   std::fputs("anchor_id,x_m,y_m,z_m\n", anchors.stream);
   for (std::size_t i = 0; i < kAnchorCount; ++i) {
-    const Place& p = place.anchors[i];
+    const Spot& p = place.anchors[i];
     std::fprintf(anchors.stream, "%zu,%.3f,%.3f,%.3f\n", i, p[0], p[1], p[2]);
   }
   std::fputs("t_s,anchor_id,range_m,sigma_m,true_bias_m\n", ranges.stream);
@@ -120,8 +120,8 @@ int write(const std::filesystem::path& directory, std::uint64_t number, double s
                                              sim::random_wander(2 * degree, 0.05, 0.3, unit)};
   for (const Epoch& e : fly(place, number, seconds)) {
     pose_line(truth.stream, e.t, e.position, e.attitude);
-    const Place turn{drift[0].at(e.t), drift[1].at(e.t), drift[2].at(e.t)};
-    pose_line(attitude.stream, e.t, Place::Zero(),
+    const Spot turn{drift[0].at(e.t), drift[1].at(e.t), drift[2].at(e.t)};
+    pose_line(attitude.stream, e.t, Spot::Zero(),
               multiply<double>(quaternion_from_turn<double>(turn), e.attitude));
     const double arrival = arrival_noise.normal(0, sigma);
     for (std::size_t i = 0; i < kAnchorCount; ++i) {
