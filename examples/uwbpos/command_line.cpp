@@ -233,7 +233,7 @@ void settle_solving(const CLI::App& app, Arguments& a) {
   }
   if (!s.tdoa.empty()) {
     const bool network_fits = app.count("--attitude") > 0;
-    for (const std::string& other : {"--ranges", "--twr", "--bias-network"}) {
+    for (const std::string other : {"--ranges", "--twr", "--bias-network"}) {
       if (app.count(other) > 0 && !(other == "--bias-network" && network_fits)) {
         throw CLI::ValidationError{
             other, other == "--bias-network"
