@@ -45,7 +45,7 @@ TEST_CASE_TEMPLATE("axes, zeros and signs are as the standard has them", S, floa
   for (const S y : {zero, -zero, S(1), S(-1)}) {
     for (const S x : {zero, -zero, S(1), S(-1), S(1e-30), S(1e30)}) {
       const S expected = std::atan2(y, x);
-      CHECK(arctangent(y, x) == doctest::Approx(expected).epsilon(1e-7));
+      CHECK(arctangent(y, x) == doctest::Approx(static_cast<double>(expected)).epsilon(1e-7));
       CHECK(std::signbit(arctangent(y, x)) == std::signbit(expected));
     }
   }
