@@ -82,7 +82,8 @@ struct AntennaPattern {
 
 /// An antenna and how it is turned.
 struct Antenna {
-  AntennaPattern pattern{};
+  AntennaPattern pattern{};  ///< over directions in the antenna's own frame
+  /// Turns the antenna's frame into the map's.
   Quaternion<double> map_q_antenna = identity_quaternion<double>();
 };
 

@@ -20,12 +20,13 @@ namespace uwbpos::sim {
 
 /// A sum of sines; its derivatives are exact.
 struct SlowWander {
+  /// One of them.
   struct Sine {
-    double amplitude = 0;
-    double rate = 0;  ///< [rad/s]
-    double phase = 0;
+    double amplitude = 0;  ///< in units of the sum
+    double rate = 0;       ///< [rad/s]
+    double phase = 0;      ///< [rad]
   };
-  std::array<Sine, 3> sines{};
+  std::array<Sine, 3> sines{};  ///< what is summed
 
   /// The derivative of this order, 0 … 2, at time t [s].
   [[nodiscard]] double at(double t, int order = 0) const {
