@@ -15,6 +15,7 @@
 #include <numbers>
 #include <vector>
 
+#include <uwbpos/core/angle.hpp>
 #include <uwbpos/sim/antenna_pattern.hpp>
 #include <uwbpos/sim/flight.hpp>
 #include <uwbpos/sim/noise.hpp>
@@ -114,7 +115,7 @@ int write(const std::filesystem::path& directory, std::uint64_t number, double s
   sim::Random arrival_noise{number, "arrivals"};
   // An inertial unit knows up and down to half a degree and north to two, and drifts slowly.
   sim::Random unit{number, "attitude"};
-  const double degree = 0.017453292519943295;
+  const double degree = degrees_to_radians(1.0);
   const std::array<sim::SlowWander, 3> drift{sim::random_wander(0.5 * degree, 0.1, 1, unit),
                                              sim::random_wander(0.5 * degree, 0.1, 1, unit),
                                              sim::random_wander(2 * degree, 0.05, 0.3, unit)};

@@ -9,12 +9,12 @@
 
 #include <Eigen/Dense>
 
-#include <uwbpos/filter/bias_network.hpp>
 #include <uwbpos/filter/kalman.hpp>
 #include <uwbpos/sim/noise.hpp>
 #include <uwbpos/solve/toa_closed_form.hpp>
 #include <uwbpos/solve/toa_least_squares.hpp>
 
+#include "../networks.hpp"
 #include "timing.hpp"
 
 namespace peers {
@@ -146,48 +146,11 @@ SmallRace filter_update() {
 
 template <class S>
 SmallRace bias_network() {
-  constexpr int kInputs = 21;
-  constexpr int kHidden = 50;
-  using Network = uwbpos::BiasNetwork<S, kInputs, kHidden, kHidden>;
-  using Inputs = Eigen::Matrix<S, kInputs, 1>;
-  using Hidden = Eigen::Matrix<S, kHidden, 1>;
-  uwbpos::sim::Random random{"a network"};
-  Network net{};
-  const auto fill = [&](auto& layer) {
-    for (auto& weights : layer.weights) {
-      for (S& w : weights) w = static_cast<S>(random.normal(0, 0.1));
-    }
-    for (S& c : layer.biases) c = static_cast<S>(random.normal(0, 0.1));
-  };
-  net.lowest.fill(-2);
-  net.highest.fill(2);
-  net.inverse_deviation.fill(1);
-  fill(net.first);
-  fill(net.second);
-  fill(net.output);
-  std::vector<std::array<S, kInputs>> all(256);
-  for (auto& x : all) {
-    for (std::size_t i = 0; i < 10; ++i) x[i] = static_cast<S>(random.uniform(-1, 1));
-    x[13] = x[19] = 1;  // codes of an anchor and a tag
-  }
-  const Eigen::Matrix<S, kHidden, kInputs> w1 =
-      Eigen::Map<const Eigen::Matrix<S, kHidden, kInputs>>{net.first.weights[0].data()};
-  const Eigen::Matrix<S, kHidden, kHidden> w2 =
-      Eigen::Map<const Eigen::Matrix<S, kHidden, kHidden>>{net.second.weights[0].data()};
-  const Hidden w3 = Eigen::Map<const Hidden>{net.output.weights[0].data()};
-  const Eigen::Map<const Hidden> c1{net.first.biases.data()};
-  const Eigen::Map<const Hidden> c2{net.second.biases.data()};
-  const Eigen::Map<const Inputs> low{net.lowest.data()};
-  const Eigen::Map<const Inputs> high{net.highest.data()};
-  const Eigen::Map<const Inputs> mean{net.mean.data()};
-  const Eigen::Map<const Inputs> scale{net.inverse_deviation.data()};
-  const auto plain = [&](const std::array<S, kInputs>& in) {
-    const Eigen::Map<const Inputs> x{in.data()};
-    const Inputs z = (x.cwiseMax(low).cwiseMin(high) - mean).cwiseProduct(scale);
-    const Hidden h1 = (w1 * z + c1).cwiseMax(S(0));
-    const Hidden h2 = (w2 * h1 + c2).cwiseMax(S(0));
-    return S(w3.dot(h2) + net.output.biases[0]);
-  };
+  const auto net = benches::random_network<S>();
+  const benches::EigenNetwork<S> plain{net};
+  uwbpos::sim::Random random{"inputs"};
+  std::vector<std::array<S, benches::kInputs>> all(256);
+  for (auto& inputs : all) inputs = benches::random_inputs<S>(random);
   bool agree = true;
   for (const auto& in : all) {
     const auto found = net(in);

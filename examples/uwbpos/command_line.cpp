@@ -232,14 +232,14 @@ void settle_solving(const CLI::App& app, Arguments& a) {
     return;
   }
   if (!s.tdoa.empty()) {
-    const bool network_fits = app.count("--attitude") > 0;
-    for (const std::string other : {"--ranges", "--twr", "--bias-network"}) {
-      if (app.count(other) > 0 && !(other == "--bias-network" && network_fits)) {
+    for (const char* other : {"--ranges", "--twr"}) {
+      if (app.count(other) > 0) {
         throw CLI::ValidationError{
-            other, other == "--bias-network"
-                       ? "with --tdoa needs --attitude or --filter"
-                       : "cannot be used together with --tdoa but with --filter, which uses both"};
+            other, "cannot be used together with --tdoa but with --filter, which uses both"};
       }
+    }
+    if (app.count("--bias-network") > 0 && app.count("--attitude") == 0) {
+      throw CLI::ValidationError{"--bias-network", "with --tdoa needs --attitude or --filter"};
     }
   }
 }

@@ -45,17 +45,6 @@ struct Plan {
 
 std::int64_t microseconds(double t, double start) { return std::llround((t - start) * 1e6); }
 
-bool apart_in_plan(const Site& site, const std::set<Id>& heard) {
-  constexpr double apart = 1e-6;  // [m]
-  const Vec3* first = nullptr;
-  for (const auto& [id, arm] : site.tags) {
-    if (!heard.contains(id)) continue;
-    if (first == nullptr) first = &arm;
-    if ((arm - *first).head<2>().norm() > apart) return true;
-  }
-  return false;
-}
-
 // Differences of one blink against one reference share its noise.
 void mark_shared(std::vector<TimedMeasurement>& all) {
   for (std::size_t i = 0; i < all.size();) {
@@ -206,8 +195,7 @@ class Follow {
       }
       ++outcome.solved;
       const auto arm = site_.tags.find(tag);
-      const double half = body.track.back().pose.heading / 2;
-      const Rotation level{0, 0, std::sin(half), std::cos(half)};
+      const Rotation level = level_rotation(body.track.back().pose.heading);
       Vec3 at = estimate->position;
       if (arm != site_.tags.end()) at += rotate(estimate->attitude.value_or(level), arm->second);
       add_position(t, tag, at);
@@ -295,17 +283,10 @@ BankOptions bank_options(const Settings& settings, const Site& site, const Plan&
     for (auto& [id, arm] : o.tags) arm.z() = 0;
   }
   if (settings.height) {
-    o.height = tag_height(*settings.height, site.tags, tag);
-    if (plan.body) {
-      double mean = 0;
-      for (const auto& [id, arm] : site.tags) mean += arm.z();
-      o.height =
-          *settings.height - mean / static_cast<double>(std::max<std::size_t>(1, site.tags.size()));
-    }
+    o.height = plan.body ? body_height(*settings.height, site.tags)
+                         : tag_height(*settings.height, site.tags, tag);
   }
-  if (settings.side != Side::kUnknown) {
-    o.side = Vec3{0, 0, settings.side == Side::kAbove ? 1.0 : -1.0};
-  }
+  if (settings.side != Side::kUnknown) o.side = upwards(settings.side);
   o.prior = settings.prior;
   o.network = site.network;
   return o;
@@ -396,7 +377,7 @@ Replay replay_filtered(Settings settings, const Recording& recording,
   for (const Reading& r : readings) heard.insert(r.tag);
   for (const Difference& d : differences) heard.insert(d.tag);
   f.samples = recording.samples.size();
-  const bool several = apart_in_plan(site, heard);
+  const bool several = apart_in_plan(site.tags, heard);
   const bool one_body = several || heard.size() == 1;
   if (!recording.samples.empty()) {
     if (!one_body) {

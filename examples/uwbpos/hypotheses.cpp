@@ -213,7 +213,7 @@ class Follower final : public Hypothesis {
   double factor_;
   std::unique_ptr<Following> tracker_;
   std::deque<Early> early_;
-};  // namespace uwbpos::host
+};
 
 // What hypotheses are compared by. Errors of a radio outlast a measurement, as what bends its waves
 // does: so many count as one, or the noise of correlated errors would pass for motion.

@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include "uwbpos/core/chi_squared.hpp"
+
 #include "gnuplot.hpp"
 #include "scoring.hpp"
 #include "statistics.hpp"
@@ -200,31 +202,22 @@ Figure nis_figure(const Replay& replay) {
   const std::vector<Innovated>& all = replay.filtering->innovations;
   const std::size_t each = std::max<std::size_t>(20, stride_for(all.size(), 200));
   const auto n = static_cast<double>(each);
-  // A mean of n squares of standard normals stays within this 95 times in 100: the cube root of χ²
-  // is all but normal (Wilson, Hilferty 1931).
-  const auto bound = [&](double z) {
-    const double root = 1 - 2 / (9 * n) + z * std::sqrt(2 / (9 * n));
-    return root * root * root;
-  };
+  // A mean of n squares of standard normals stays between these 95 times in 100.
   constexpr double z = 1.96;
+  const double low = chi_squared_gate(static_cast<int>(each), -z) / n;
+  const double high = chi_squared_gate(static_cast<int>(each), z) / n;
   std::string data = "$nis << EOD\nNaN NaN\n";
-  std::size_t inside = 0;
-  std::size_t count = 0;
-  double sum = 0;
-  double top = bound(z);
   std::vector<double> means;
   for (std::size_t first = 0; first + each <= all.size(); first += each) {
     double mean = 0;
     for (std::size_t i = first; i < first + each; ++i) mean += all[i].normalised / n;
     line(data, "{:.3f} {:.4f}", all[first + each / 2].t - replay.track.front().t, mean);
-    inside += mean >= bound(-z) && mean <= bound(z) ? 1 : 0;
-    ++count;
-    sum += mean;
     means.push_back(mean);
   }
   data += "EOD\n";
   std::ranges::sort(means);
-  if (!means.empty()) top = std::max(top, quantile_of_sorted(means, 0.99));
+  const bool any = !means.empty();
+  const double top = any ? std::max(high, quantile_of_sorted(means, 0.99)) : high;
   std::string script = preamble(520, 300) + data;
   line(script, "set xrange [0:{:.4f}]\nset yrange [0:{:.4f}]",
        std::max(replay.track.back().t - replay.track.front().t, 1e-9), 1.15 * top);
@@ -232,19 +225,22 @@ Figure nis_figure(const Replay& replay) {
   line(script,
        "set object 1 rectangle from graph 0, first {:.5f} to graph 1, first {:.5f} behind fc {} "
        "fs transparent solid 0.18 noborder",
-       bound(-z), bound(z), series_ink(1));
+       low, high, series_ink(1));
   line(script, "set arrow 1 from graph 0, first 1 to graph 1, first 1 nohead lc {} lw 1.2",
        ink(Ink::kMuted));
   line(script, "plot $nis with points pt 7 ps 0.35 lc {}", series_ink(0));
+  const double overall = any ? mean(means) : 0;
+  const auto within = std::ranges::count_if(means, [&](double m) { return m >= low && m <= high; });
+  const double inside =
+      any ? 100 * static_cast<double>(within) / static_cast<double>(means.size()) : 0;
   std::string caption = fmt::format(
       "Squares of innovations over their variances, means of {} in a row. Noises as they were "
       "taken "
       "to be would put 95 of 100 into the band: {:.0f} are, their mean is {:.2f}.",
-      each, count > 0 ? 100 * static_cast<double>(inside) / static_cast<double>(count) : 0.0,
-      count > 0 ? sum / static_cast<double>(count) : 0.0);
-  if (count > 0 && sum / static_cast<double>(count) < bound(-z)) {
+      each, inside, overall);
+  if (any && overall < low) {
     caption += " Below it: the radio is better than its sigmas say.";
-  } else if (count > 0 && sum / static_cast<double>(count) > bound(z)) {
+  } else if (any && overall > high) {
     caption += " Above it: noise or motion is larger than the filter thinks, or errors are biases.";
   }
   return finish("Innovations (NIS)", script, "nis", caption);

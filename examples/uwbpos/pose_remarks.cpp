@@ -102,8 +102,7 @@ std::vector<std::string> pose_remarks(const Site& site, const Replay& replay) {
   // χ² of sound input is its degrees of freedom; a sigma half too small doubles it and more.
   constexpr double sound = 3;
   const double misfit = misfit_of(body);
-  const bool fits = misfit <= sound;
-  if (!fits) {
+  if (misfit > sound) {
     said.push_back(fmt::format(
         "The ranges fit the poses {:.1f} times worse than their sigma says: biases of the links, a "
         "sigma too small, or lever arms that are not the tags'.",

@@ -66,12 +66,9 @@ class PoseSolver {
     options_.robust.loss = settings.loss;
     if constexpr (D == 3) {
       if (dim == 2) {
-        double mean = 0;
-        for (const auto& [id, arm] : site.tags) mean += arm.z();
-        mean /= static_cast<double>(site.tags.size());
-        options_.height = Measured<double>{settings.height.value_or(0) - mean, 0};
+        options_.height = Measured<double>{body_height(settings.height.value_or(0), site.tags), 0};
       } else if (settings.side != Side::kUnknown) {
-        options_.side = {0, 0, settings.side == Side::kAbove ? 1.0 : -1.0};
+        options_.side = upwards(settings.side);
       }
     }
   }
@@ -220,21 +217,30 @@ std::optional<HeadingParts> parts_of_heading_error(const Body& body) {
   return HeadingParts{noise, std::sqrt(std::max(rms * rms - noise * noise, 0.0))};
 }
 
+Rotation level_rotation(double heading) {
+  return {0, 0, std::sin(heading / 2), std::cos(heading / 2)};
+}
+
 double heading_of(const Rotation& rotation) {
   const Vec3 forward = rotate(rotation, {1, 0, 0});
   return std::atan2(forward.y(), forward.x());
 }
 
-bool has_pose(const Site& site, const std::vector<Reading>& readings) {
+bool apart_in_plan(const Points& tags, const std::set<Id>& heard) {
   constexpr double apart = 1e-6;  // [m]
   const Vec3* first = nullptr;
-  for (const Reading& reading : readings) {
-    const auto arm = site.tags.find(reading.tag);
-    if (arm == site.tags.end()) continue;
-    if (first == nullptr) first = &arm->second;
-    if ((arm->second - *first).head<2>().norm() > apart) return true;
+  for (const auto& [id, arm] : tags) {
+    if (!heard.contains(id)) continue;
+    if (first == nullptr) first = &arm;
+    if ((arm - *first).head<2>().norm() > apart) return true;
   }
   return false;
+}
+
+bool has_pose(const Site& site, const std::vector<Reading>& readings) {
+  std::set<Id> heard;
+  for (const Reading& reading : readings) heard.insert(reading.tag);
+  return apart_in_plan(site.tags, heard);
 }
 
 std::vector<Epoch> body_epochs(const Site& site, const std::vector<Reading>& readings,
@@ -310,8 +316,7 @@ std::string poses_tum(const Body& body) {
   std::string text = "# t_s x_m y_m z_m qx qy qz qw\n";
   for (const SolvedPose& p : body.track) {
     const Vec3& at = p.pose.position;
-    const double half = p.pose.heading / 2;
-    const Rotation q = p.attitude.value_or(Rotation{0, 0, std::sin(half), std::cos(half)});
+    const Rotation q = p.attitude.value_or(level_rotation(p.pose.heading));
     fmt::format_to(std::back_inserter(text),
                    "{:.6f} {:.6f} {:.6f} {:.6f} {:.8g} {:.8g} {:.8f} {:.8f}\n", p.t, at.x(), at.y(),
                    at.z(), q.x, q.y, q.z, q.w);

@@ -7,6 +7,7 @@
 
 #include <functional>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "uwbpos/pose/target.hpp"
@@ -74,7 +75,10 @@ struct Body {
 /// The body's epochs and positions, as one more tag's.
 [[nodiscard]] Outcome outcome_of(const Body& body);
 
-/// Whether two of the body's tags, at least, are known, apart in plan and heard.
+/// Whether two of the tags heard, at least, have lever arms that are apart in plan.
+[[nodiscard]] bool apart_in_plan(const Points& tags, const std::set<Id>& heard);
+
+/// The same of the tags of some readings.
 [[nodiscard]] bool has_pose(const Site& site, const std::vector<Reading>& readings);
 
 /// The epochs of all tags of the body together; `links` tells the (tag, anchor) that each epoch's
@@ -112,6 +116,9 @@ struct HeadingParts {
 
 /// Heading of a rotation: the direction of its x axis in plan [rad].
 [[nodiscard]] double heading_of(const Rotation& rotation);
+
+/// How a level body lies that looks that way [rad].
+[[nodiscard]] Rotation level_rotation(double heading);
 
 /// Files of these, with a header row.
 [[nodiscard]] std::string poses_tum(const Body& body);

@@ -29,9 +29,6 @@ Vec3 whole(const Vec<double, D>& v, double z) {
   }
 }
 
-// The direction in which the tags lie.
-Vec3 upwards(Side side) { return {0, 0, side == Side::kAbove ? 1.0 : -1.0}; }
-
 // Solves epochs one after the other; remembers each tag's last position for mirror images.
 template <int D>
 class Solver {
@@ -175,11 +172,8 @@ std::vector<Reading> usable_readings(const Settings& settings, const Site& site,
 void residuals_against_truth(const Site& site, const Settings& settings, bool flat,
                              const std::vector<Reading>& readings, Replay& result) {
   for (const Reading& reading : readings) {
-    auto truth = true_position(site, reading.tag, reading.t);
+    const auto truth = expected_position(site, settings, result.dim, reading.tag, reading.t);
     if (!truth) continue;
-    if (settings.height && result.dim == 2) {
-      truth->z() = tag_height(*settings.height, site.tags, reading.tag);
-    }
     const double expected = error_length(*truth - site.anchors.at(reading.anchor), flat ? 2 : 3);
     result.residuals[{reading.tag, reading.anchor}].push_back(
         {reading.t, reading.range - expected});
@@ -191,6 +185,15 @@ std::optional<Vec3> true_position(const Site& site, Id tag, double t) {
   const auto lever = site.tags.find(tag);
   if (lever == site.tags.end()) return std::nullopt;
   return site.truth.point_at(t, lever->second);
+}
+
+std::optional<Vec3> expected_position(const Site& site, const Settings& settings, int dim, Id tag,
+                                      double t) {
+  auto truth = true_position(site, tag, t);
+  if (truth && settings.height && dim == 2) {
+    truth->z() = tag_height(*settings.height, site.tags, tag);
+  }
+  return truth;
 }
 
 void score(const Site& site, Replay& result) {
@@ -241,13 +244,16 @@ Side side_of(double height, const Points& anchors) {
   return height > mean ? Side::kAbove : Side::kBelow;
 }
 
+double body_height(double mean_height, const Points& tags) {
+  if (tags.empty()) return mean_height;
+  double mean = 0;
+  for (const auto& [id, lever] : tags) mean += lever.z();
+  return mean_height - mean / static_cast<double>(tags.size());
+}
+
 double tag_height(double mean_height, const Points& tags, Id tag) {
   const auto lever = tags.find(tag);
-  if (lever == tags.end()) return mean_height;
-  double mean = 0;
-  for (const auto& [id, position] : tags) mean += position.z();
-  mean /= static_cast<double>(tags.size());
-  return mean_height + lever->second.z() - mean;
+  return lever == tags.end() ? mean_height : body_height(mean_height, tags) + lever->second.z();
 }
 
 Replay replay(Settings settings, const Site& site, const std::vector<Reading>& readings,

@@ -122,10 +122,17 @@ void score(const Site& site, Replay& result);
 /// Where the tag was at time t, if that is known.
 [[nodiscard]] std::optional<Vec3> true_position(const Site& site, Id tag, double t);
 
+/// The same as measurements of `dim` dimensions have it: in the plane at the given height, if any.
+[[nodiscard]] std::optional<Vec3> expected_position(const Site& site, const Settings& settings,
+                                                    int dim, Id tag, double t);
+
 /// Measured minus true range of every reading, and the counts of readings, without solving.
 /// `settings.height`, where given, takes the place of the truth's height.
 [[nodiscard]] Replay compare_with_truth(const Settings& settings, const Site& site,
                                         const std::vector<Reading>& readings);
+
+/// Height of the body's origin [m] when its tags' antennas are `mean_height` high on average.
+[[nodiscard]] double body_height(double mean_height, const Points& tags);
 
 /// Height of a tag's antenna [m]: the given one, which with several tags is their mean; the lever
 /// arms tell how each differs from it.

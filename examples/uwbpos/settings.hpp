@@ -18,6 +18,9 @@ namespace uwbpos::host {
 /// Where the tags are as seen from the anchors' plane, to choose between mirror images in 3-D.
 enum class Side { kUnknown, kAbove, kBelow };
 
+/// The direction in which tags on that side lie.
+[[nodiscard]] inline Vec3 upwards(Side side) { return {0, 0, side == Side::kAbove ? 1.0 : -1.0}; }
+
 /// Standard deviation of a range of which nobody tells one [m].
 inline constexpr double kRangeSigma = 0.1;
 

@@ -230,9 +230,7 @@ class DifferenceSolver {
 
   Result<Solved> in_space(const std::optional<Vec3>& prior) {
     LocateOptions<double, 3> options;
-    if (settings_.side != Side::kUnknown) {
-      options.side = {0, 0, settings_.side == Side::kAbove ? 1.0 : -1.0};
-    }
+    if (settings_.side != Side::kUnknown) options.side = upwards(settings_.side);
     using Pair = PairDifference<double, 3>;
     const auto attempt = [&] {
       return exclude_outliers<Pair, double, 3>(
@@ -343,11 +341,8 @@ void add_residual(Replay& result, const Difference& d, double residual) {
 void residuals_against_truth(const Site& site, const Settings& settings, bool flat,
                              const std::vector<Difference>& differences, Replay& result) {
   for (const Difference& d : differences) {
-    auto truth = true_position(site, d.tag, d.t);
+    const auto truth = expected_position(site, settings, result.dim, d.tag, d.t);
     if (!truth) continue;
-    if (settings.height && result.dim == 2) {
-      truth->z() = tag_height(*settings.height, site.tags, d.tag);
-    }
     add_residual(result, d, residual_of(d, *truth, site, flat));
   }
 }

@@ -41,7 +41,7 @@ class ShotSolver {
     options.prior = prior_;
     options.prior_sigma = settings_.prior_sigma;
     if (settings_.common.side != Side::kUnknown) {
-      options.side[D - 1] = settings_.common.side == Side::kAbove ? 1 : -1;
+      options.side[D - 1] = upwards(settings_.common.side).z();
     }
     Replay& replay = found_.replay;
     Outcome& outcome = replay.of_tag[epoch.tag];

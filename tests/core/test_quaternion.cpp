@@ -66,4 +66,13 @@ TEST_CASE_TEMPLATE("quaternion: the shortest rotation takes one direction to the
   }
 }
 
+TEST_CASE_TEMPLATE("quaternion: the conjugate turns back", S, float, double) {
+  sim::Random random{"conjugate"};
+  for (int i = 0; i < 200; ++i) {
+    const Quaternion<S> q = test::random_direction<S, 4>(random);
+    const Vec<S, 3> v = test::random_direction<S, 3>(random);
+    CHECK((rotate<S>(conjugate(q), rotate<S>(q, v)) - v).norm() < S(10) * kRounding<S>);
+  }
+}
+
 }  // namespace tests::core_quaternion

@@ -15,6 +15,7 @@
 #include "uwbpos/core/quaternion.hpp"
 #include "uwbpos/filter/measurements.hpp"
 #include "uwbpos/filter/motion/constant_velocity.hpp"
+#include "uwbpos/sim/flight.hpp"
 #include "uwbpos/sim/noise.hpp"
 
 namespace uwbpos::test {
@@ -85,11 +86,7 @@ struct Course {
   [[nodiscard]] double heading(double t) const { return 0.8 * std::sin(0.4 * t + phase); }
   /// Leans into its acceleration, and looks where `heading` says.
   [[nodiscard]] Quaternion<double> orientation(double t) const {
-    const Vec<double, 3> force = acceleration(t) + Vec<double, 3>{0, 0, 9.80665};
-    const Quaternion<double> lean = quaternion_between<double>({0, 0, 1}, force);
-    const Quaternion<double> turned =
-        multiply<double>(lean, quaternion_from_yaw<double>(heading(t)));
-    return turned;
+    return sim::leaning(acceleration(t), heading(t));
   }
 };
 
@@ -106,8 +103,7 @@ struct CourseImu {
   [[nodiscard]] ImuSample<S> sample(std::int64_t time, sim::Random& random) const {
     // The middle of the period that the sample stands for.
     const double t = 1e-6 * static_cast<double>(time) + period / 2;
-    Quaternion<double> back = course.orientation(t);
-    for (int i = 1; i < 4; ++i) back[i] = -back[i];
+    const Quaternion<double> back = conjugate(course.orientation(t));
     const Vec<double, 3> force =
         rotate<double>(back, course.acceleration(t) + Vec<double, 3>{0, 0, 9.80665});
     const Quaternion<double> turn = multiply<double>(back, course.orientation(t + 1e-4));

@@ -40,9 +40,7 @@ Vec<S, N> error_between(const Vec<S, N>& to, const Vec<S, N>& from, int angle) {
 template <class S>
 Vec<S, 15> error_between(const InertialState<S>& to, const InertialState<S>& from, int) {
   Vec<S, 15> e;
-  Quaternion<S> back = from.orientation;
-  for (int i = 1; i < 4; ++i) back[i] = -back[i];
-  const Quaternion<S> turn = multiply<S>(to.orientation, back);
+  const Quaternion<S> turn = multiply<S>(to.orientation, conjugate(from.orientation));
   e.template segment<3>(0) = to.position - from.position;
   e.template segment<3>(3) = S(2) * turn.template tail<3>() * (turn[0] < 0 ? S(-1) : S(1));
   e.template segment<3>(6) = to.velocity - from.velocity;
@@ -215,9 +213,7 @@ TEST_CASE_TEMPLATE("motion: an inertial body begins upright and looks where told
     Beginning<S> from{.position = {S(1), S(2), S(3)}};
     from.heading = static_cast<S>(random.uniform(-3, 3));
     // What the accelerometer of a body so tilted reads at rest: gravity's reaction in its axes.
-    Quaternion<S> back = tilted;
-    for (int i = 1; i < 4; ++i) back[i] = -back[i];
-    from.specific_force = rotate<S>(back, {S(0), S(0), motion.gravity});
+    from.specific_force = rotate<S>(conjugate(tilted), {S(0), S(0), motion.gravity});
     Vec<S, 15> variances = Vec<S, 15>::Zero();
     const InertialState<S> state = motion.begin(from, variances);
     CHECK(std::abs(angle_difference(motion.heading(state), from.heading)) < S(1e-5));

@@ -13,6 +13,7 @@
 
 #include "../support/data.hpp"
 #include "files.hpp"
+#include "run_command.hpp"
 
 namespace tests::host_command {
 
@@ -20,6 +21,7 @@ namespace {
 
 using namespace uwbpos::host;
 using uwbpos::test::Files;
+using uwbpos::test::run_with;
 using Json = nlohmann::json;
 
 constexpr const char* kAnchors = "anchor_id,x_m,y_m,z_m\n1,0,0,2\n2,8,0,2\n3,8,6,2\n4,0,6,2\n";
@@ -27,13 +29,6 @@ constexpr const char* kAnchors = "anchor_id,x_m,y_m,z_m\n1,0,0,2\n2,8,0,2\n3,8,6
 constexpr const char* kRanges =
     "t_s,anchor_id,range_m\n0,1,3.7417\n0,2,5.4772\n0,3,6.4807\n0,4,5.0990\n"
     "1,1,3.7417\n1,2,5.4772\n1,3,6.4807\n1,4,5.0990\n";
-
-int run_with(std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), "uwbpos");
-  std::vector<const char*> argv;
-  for (const std::string& argument : arguments) argv.push_back(argument.c_str());
-  return run(static_cast<int>(argv.size()), argv.data());
-}
 
 Json summary_of(const Files& files) { return Json::parse(files.read("out/summary.json")); }
 

@@ -14,9 +14,11 @@
 #include <replay.hpp>
 
 #include "uwbpos/core/quaternion.hpp"
+#include "uwbpos/sim/flight.hpp"
 #include "uwbpos/sim/noise.hpp"
 
 #include "host/files.hpp"
+#include "host/run_command.hpp"
 #include "support/data.hpp"
 
 namespace tests::host_filtering {
@@ -26,13 +28,8 @@ namespace {
 using namespace uwbpos;
 using namespace uwbpos::host;
 using test::Files;
+using test::run_with;
 using Json = nlohmann::json;
-
-int run_with(const std::vector<std::string>& words) {
-  std::vector<const char*> argv{"uwbpos"};
-  for (const std::string& word : words) argv.push_back(word.c_str());
-  return run(static_cast<int>(argv.size()), argv.data());
-}
 
 // A drone in a room of eight anchors: two seconds at rest, then a course of its own.
 class Drone {
@@ -49,8 +46,7 @@ class Drone {
     }
     recording_.site.truth = Trajectory{truth};
     for (double t = 0; t < seconds; t += 0.01) {
-      const Quaternion<double> q = orientation(t);
-      const Quaternion<double> back{q[0], -q[1], -q[2], -q[3]};
+      const Quaternion<double> back = conjugate(orientation(t));
       const Quaternion<double> turn = multiply<double>(back, orientation(t + 1e-4));
       const Vec3 force = rotate<double>(back, acceleration(t) + Vec3{0, 0, 9.80665});
       InertialReading sample{t, {}, {}};
@@ -112,9 +108,7 @@ class Drone {
   }
   // Leans into its acceleration; looks 2 rad away from x and turns.
   [[nodiscard]] static Quaternion<double> orientation(double t) {
-    const Vec3 force = acceleration(t) + Vec3{0, 0, 9.80665};
-    return multiply<double>(quaternion_between<double>({0, 0, 1}, force),
-                            quaternion_from_yaw<double>(2 + 0.5 * std::sin(0.3 * gone(t))));
+    return sim::leaning(acceleration(t), 2 + 0.5 * std::sin(0.3 * gone(t)));
   }
 
   sim::Random random_;

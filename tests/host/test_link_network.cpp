@@ -28,6 +28,17 @@ using test::Files;
 
 constexpr const char* kTrained = "examples/bias_training/lias/bias_network.json";
 
+// A run of lias through `replay`.
+Settings settings_of(const std::filesystem::path& lias, const char* run) {
+  Settings settings;
+  settings.anchors = lias / "anchors.csv";
+  settings.tags = lias / "tags.csv";
+  settings.ranges = lias / run / "ranges.csv";
+  settings.truth = lias / run / "truth.tum";
+  settings.height = 0.96;
+  return settings;
+}
+
 }  // namespace
 
 TEST_CASE("A trained network is read, holds its own checks, and knows its links alone") {
@@ -75,13 +86,8 @@ TEST_CASE("What is no network is refused with the file's name and what is wrong"
 TEST_CASE("With a network the positions of a drive are better than with constants") {
   const auto folder = test::data_or_skip("lias", "poses of lias/mid less a network's biases");
   if (!folder) return;
-  Settings settings;
-  settings.anchors = *folder / "anchors.csv";
-  settings.tags = *folder / "tags.csv";
-  settings.ranges = *folder / "mid/ranges.csv";
-  settings.truth = *folder / "mid/truth.tum";
+  Settings settings = settings_of(*folder, "mid");
   settings.bias_network = kTrained;
-  settings.height = 0.96;
   Problems problems{true};
   const Recording recording = read_recording(settings, problems);
   const Replay result = replay(settings, recording.site, recording.readings);
@@ -99,12 +105,7 @@ TEST_CASE("With a network the positions of a drive are better than with constant
 TEST_CASE("Headings of poses that neither saw: a network's below those of medians") {
   const auto folder = test::data_or_skip("lias", "lias/static, half of its poses for the other");
   if (!folder) return;
-  Settings settings;
-  settings.anchors = *folder / "anchors.csv";
-  settings.tags = *folder / "tags.csv";
-  settings.ranges = *folder / "static/ranges.csv";
-  settings.truth = *folder / "static/truth.tum";
-  settings.height = 0.96;
+  const Settings settings = settings_of(*folder, "static");
   Problems problems{true};
   const Recording recording = read_recording(settings, problems);
   for (const int half : {0, 1}) {

@@ -18,6 +18,7 @@
 #include <replay.hpp>
 
 #include "host/files.hpp"
+#include "host/run_command.hpp"
 #include "support/data.hpp"
 
 namespace tests::host_poses {
@@ -27,6 +28,7 @@ namespace {
 using namespace uwbpos;
 using namespace uwbpos::host;
 using test::Files;
+using test::run_with;
 using Json = nlohmann::json;
 
 // A body that drives along a circle of 2 m at 0.5 rad/s; tags left and right, and one in front.
@@ -194,12 +196,6 @@ std::vector<std::string> arguments(const char* command, const std::filesystem::p
           "0.96",
           "--out",
           out};
-}
-
-int run_with(const std::vector<std::string>& words) {
-  std::vector<const char*> argv{"uwbpos"};
-  for (const std::string& word : words) argv.push_back(word.c_str());
-  return run(static_cast<int>(argv.size()), argv.data());
 }
 
 TEST_CASE("lias/static: calibrated on even poses and solved on odd ones, and the other way round") {

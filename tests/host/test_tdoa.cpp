@@ -13,6 +13,7 @@
 #include <uwbpos/sim/noise.hpp>
 
 #include "files.hpp"
+#include "run_command.hpp"
 
 namespace tests::host_tdoa {
 
@@ -20,6 +21,7 @@ namespace {
 
 using namespace uwbpos;
 using namespace uwbpos::host;
+using test::run_with;
 
 constexpr double kSigma = 0.1;  // of a difference [m]
 
@@ -279,10 +281,6 @@ TEST_CASE("No verdict is passed on a handful of readings") {
 }
 
 TEST_CASE("Exit code 2 where --tdoa has no business") {
-  const auto run_with = [](std::vector<const char*> argv) {
-    argv.insert(argv.begin(), "uwbpos");
-    return run(static_cast<int>(argv.size()), argv.data());
-  };
   CHECK(run_with({"replay", "--anchors", "a", "--tdoa", "d", "--ranges", "r"}) == kBadUsage);
   CHECK(run_with({"calibrate", "--anchors", "a", "--tdoa", "d", "--truth", "t"}) == kBadUsage);
   CHECK(run_with({"simulate", "--pairs"}) == kBadUsage);

@@ -32,6 +32,12 @@ template <class S>
           p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0]};
 }
 
+/// The rotation back, of a unit quaternion. No allocation.
+template <class S>
+[[nodiscard]] Quaternion<S> conjugate(const Quaternion<S>& q) {
+  return {q[0], -q[1], -q[2], -q[3]};
+}
+
 /// The same rotation with length one; the identity in place of zero.
 template <class S>
 [[nodiscard]] Quaternion<S> normalised(const Quaternion<S>& q) {

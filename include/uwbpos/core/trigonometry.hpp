@@ -53,6 +53,12 @@ inline float bounded_angle(float angle) {
   return std::abs(angle) <= kMost ? angle : std::remainder(angle, 2 * std::numbers::pi_v<float>);
 }
 
+/// sin of an angle that is not negative, in float: of `octant` · π/4 + `rest`.
+inline float sine_from(std::int32_t octant, float rest) {
+  const float value = (octant & 2) != 0 ? small_cosine(rest) : small_sine(rest);
+  return (octant & 4) != 0 ? -value : value;
+}
+
 }  // namespace detail
 
 /// sin of `angle` [rad]. Float: within 1e-7 for |angle| ≤ 8192; beyond, of its remainder by float's
@@ -63,9 +69,8 @@ template <class S>
     const float bounded = detail::bounded_angle(angle);
     if (bounded != bounded) return std::numeric_limits<float>::quiet_NaN();
     const detail::ReducedAngle a = detail::reduce_angle(bounded);
-    const float value =
-        (a.octant & 2) != 0 ? detail::small_cosine(a.rest) : detail::small_sine(a.rest);
-    return ((a.octant & 4) != 0) != std::signbit(bounded) ? -value : value;
+    const float value = detail::sine_from(a.octant, a.rest);
+    return std::signbit(bounded) ? -value : value;
   } else {
     return std::sin(angle);
   }
@@ -78,9 +83,7 @@ template <class S>
     const float bounded = detail::bounded_angle(angle);
     if (bounded != bounded) return std::numeric_limits<float>::quiet_NaN();
     const detail::ReducedAngle a = detail::reduce_angle(bounded);
-    const float value =
-        (a.octant & 2) != 0 ? detail::small_sine(a.rest) : detail::small_cosine(a.rest);
-    return ((a.octant + 2) & 4) != 0 ? -value : value;
+    return detail::sine_from(a.octant + 2, a.rest);
   } else {
     return std::cos(angle);
   }

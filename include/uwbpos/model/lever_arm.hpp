@@ -24,7 +24,7 @@ struct Turn {
   S sine;    ///< of the heading
 };
 
-/// The turn by `heading` [rad]. A sine and a cosine, whose last bits differ by C library.
+/// The turn by `heading` [rad]. A sine and a cosine, whose last bits differ by C library in double.
 template <class S>
 [[nodiscard]] Turn<S> turn_of(S heading) {
   return {cosine(heading), sine(heading)};

@@ -99,9 +99,7 @@ struct Antenna {
                                       const Vec<double, 3>& offset) {
   const Vec<double, 3> u = offset / norm(offset);
   const auto seen = [](const Antenna& antenna, const Vec<double, 3>& direction) {
-    Quaternion<double> back = antenna.map_q_antenna;
-    for (int i = 1; i < 4; ++i) back[i] = -back[i];
-    return antenna.pattern(rotate<double>(back, direction));
+    return antenna.pattern(rotate<double>(conjugate(antenna.map_q_antenna), direction));
   };
   return seen(tag, u) + seen(anchor, -u);
 }

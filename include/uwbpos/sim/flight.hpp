@@ -53,6 +53,16 @@ struct SlowWander {
   return wander;
 }
 
+/// How a multicopter lies that flies with this acceleration [m/s²] and looks that way [rad]:
+/// heading first, then the lean.
+[[nodiscard]] inline Quaternion<double> leaning(const Vec<double, 3>& acceleration,
+                                                double heading) {
+  constexpr double gravity = 9.80665;
+  const Vec<double, 3> force = acceleration + Vec<double, 3>{0, 0, gravity};
+  return multiply<double>(quaternion_between<double>({0, 0, 1}, force),
+                          quaternion_from_yaw<double>(heading));
+}
+
 /// Where the body is and how it lies at any time.
 struct Flight {
   Vec<double, 3> centre = Vec<double, 3>::Zero();  ///< [m]
@@ -65,12 +75,9 @@ struct Flight {
   [[nodiscard]] Vec<double, 3> velocity(double t) const { return along(t, 1); }
   /// Acceleration [m/s²].
   [[nodiscard]] Vec<double, 3> acceleration(double t) const { return along(t, 2); }
-  /// Attitude: heading first, then the lean.
+  /// Attitude.
   [[nodiscard]] Quaternion<double> attitude(double t) const {
-    constexpr double gravity = 9.80665;
-    const Vec<double, 3> force = acceleration(t) + Vec<double, 3>{0, 0, gravity};
-    return multiply<double>(quaternion_between<double>({0, 0, 1}, force),
-                            quaternion_from_yaw<double>(heading.at(t)));
+    return leaning(acceleration(t), heading.at(t));
   }
 
  private:
