@@ -6,10 +6,12 @@
 /// The few products and the one factorisation that the solvers need, with sums in a fixed order so
 /// that every processor computes the same bits (Eigen's vectorised reductions reorder theirs).
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "uwbpos/core/types.hpp"
+#include "uwbpos/core/unroll.hpp"
 
 namespace uwbpos {
 
@@ -107,31 +109,19 @@ template <class S, int M, int K>
 }
 
 /// A = L·diag(d)·Lᵀ of a symmetric positive definite D × D matrix, of which only the lower triangle
-/// is read. No pivoting, no square roots, no allocation; D³/6 multiplications.
+/// is read. No pivoting, no square roots, no allocation; D³/6 multiplications, D divisions.
 template <class S, int D>
 class Ldlt {
  public:
   /// Factors `a`; ask `positive_definite` before anything else.
-  explicit Ldlt(const Mat<S, D>& a) {
-    // A pivot that has lost all its digits to the subtraction is rounding noise, and digits that
-    // an earlier pivot has lost are missing from the later ones too.
-    S lost = S(8 * D) * std::numeric_limits<S>::epsilon();
-#pragma GCC unroll 4
-    for (int j = 0; j < D; ++j) {
-      S pivot = a(j, j);
-#pragma GCC unroll 4
-      for (int k = 0; k < j; ++k) pivot -= l_(j, k) * l_(j, k) * d_[k];
-      positive_definite_ = positive_definite_ && pivot > lost * a(j, j);  // NaN fails too
-      if (j + 1 < D && pivot < a(j, j)) lost *= a(j, j) / pivot;
-      d_[j] = pivot;
-#pragma GCC unroll 4
-      for (int i = j + 1; i < D; ++i) {
-        S sum = a(i, j);
-#pragma GCC unroll 4
-        for (int k = 0; k < j; ++k) sum -= l_(i, k) * l_(j, k) * d_[k];
-        l_(i, j) = sum / pivot;
-      }
-    }
+  [[gnu::always_inline]] inline explicit Ldlt(const Mat<S, D>& a) {
+    factor([&](int i, int j) __attribute__((always_inline)) { return a(i, j); });
+  }
+  /// Factors the matrix whose entry in row i ≥ j is `entry(i, j)`.
+  template <class Entry>
+    requires std::is_invocable_r_v<S, Entry, int, int>
+  [[gnu::always_inline]] inline explicit Ldlt(const Entry& entry) {
+    factor(entry);
   }
 
   /// False when A is singular to working precision, indefinite or not finite; then nothing else of
@@ -139,37 +129,85 @@ class Ldlt {
   [[nodiscard]] bool positive_definite() const { return positive_definite_; }
 
   /// A⁻¹ b. O(D²).
-  [[nodiscard]] Vec<S, D> solve(Vec<S, D> b) const {
-#pragma GCC unroll 4
-    for (int i = 1; i < D; ++i) {
-#pragma GCC unroll 4
-      for (int k = 0; k < i; ++k) b[i] -= l_(i, k) * b[k];
-    }
-#pragma GCC unroll 4
-    for (int i = 0; i < D; ++i) b[i] /= d_[i];
-#pragma GCC unroll 4
-    for (int i = D - 2; i >= 0; --i) {
-#pragma GCC unroll 4
-      for (int k = i + 1; k < D; ++k) b[i] -= l_(k, i) * b[k];
-    }
-    return b;
+  [[nodiscard, gnu::always_inline]] inline Vec<S, D> solve(const Vec<S, D>& b) const {
+    S x[D];
+    each<D>([&](auto i) __attribute__((always_inline)) {
+      x[i] = b[int(i)];
+      each<D>([&](auto k) __attribute__((always_inline)) {
+        if (k < i) x[i] -= l_[i][k] * x[k];
+      });
+    });
+    Vec<S, D> result;
+    each<D>([&](auto back) __attribute__((always_inline)) {
+      const auto i = from_end<D>(back);
+      x[i] *= inverse_[i];
+      each<D>([&](auto k) __attribute__((always_inline)) {
+        if (k > i) x[i] -= l_[k][i] * x[k];
+      });
+      result[int(i)] = x[i];
+    });
+    return result;
   }
 
   /// A⁻¹, exactly symmetric. O(D³).
-  [[nodiscard]] Mat<S, D> inverse() const {
+  [[nodiscard, gnu::always_inline]] inline Mat<S, D> inverse() const {
+    // Column by column from the last: A⁻¹ L = L⁻ᵀ diag(d)⁻¹, of which the upper triangle is zero
+    // but for its diagonal.
+    S x[D][D];
+    each<D>([&](auto back) __attribute__((always_inline)) {
+      const auto j = from_end<D>(back);
+      each<D>([&](auto up) __attribute__((always_inline)) {
+        const auto i = from_end<D>(up);
+        if (i < j) return;
+        S sum = i == j ? inverse_[j] : S(0);
+        each<D>([&](auto k) __attribute__((always_inline)) {
+          if (k > j) sum -= x[i][k] * l_[k][j];
+        });
+        x[i][j] = x[j][i] = sum;
+      });
+    });
     Mat<S, D> result;
     for (int j = 0; j < D; ++j) {
-      Vec<S, D> unit = Vec<S, D>::Zero();
-      unit[j] = S(1);
-      const Vec<S, D> column = solve(unit);
-      for (int i = j; i < D; ++i) result(i, j) = result(j, i) = column[i];
+      for (int i = 0; i < D; ++i) result(i, j) = x[i][j];
     }
     return result;
   }
 
  private:
-  Mat<S, D> l_;  // strictly lower part only
-  Vec<S, D> d_;
+  template <class Entry>
+  [[gnu::always_inline]] inline void factor(const Entry& entry) {
+    // A pivot that has lost all its digits to the subtraction is rounding noise, and digits that
+    // an earlier pivot has lost are missing from the later ones too.
+    S lost = S(8 * D) * std::numeric_limits<S>::epsilon();
+    each<D>([&](auto j) __attribute__((always_inline)) {
+      S scaled[D];  // row j of L·diag(d)
+      const S diagonal = entry(j, j);
+      S pivot = diagonal;
+      each<D>([&](auto k) __attribute__((always_inline)) {
+        if (k < j) {
+          scaled[k] = l_[j][k] * d_[k];
+          pivot -= l_[j][k] * scaled[k];
+        }
+      });
+      positive_definite_ = positive_definite_ && pivot > lost * diagonal;  // NaN fails too
+      d_[j] = pivot;
+      inverse_[j] = S(1) / pivot;
+      lost *= std::max(S(1), diagonal * inverse_[j]);
+      each<D>([&](auto i) __attribute__((always_inline)) {
+        if (i > j) {
+          S sum = entry(i, j);
+          each<D>([&](auto k) __attribute__((always_inline)) {
+            if (k < j) sum -= l_[i][k] * scaled[k];
+          });
+          l_[i][j] = sum * inverse_[j];
+        }
+      });
+    });
+  }
+
+  S l_[D][D];     // strictly lower part only
+  S d_[D];        // the pivots
+  S inverse_[D];  // and one over each
   bool positive_definite_ = true;
 };
 

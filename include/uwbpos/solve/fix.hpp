@@ -9,20 +9,28 @@
 
 namespace uwbpos {
 
-/// A fix at `position` [m] with covariance `information`⁻¹ (lower triangle, 1/m²).
-/// O(n·D + D³), no allocation. Error::DegenerateGeometry, singular information;
-/// Error::NumericOverflow, a result that is not finite.
+/// A fix at `position` [m] with covariance `information`⁻¹ (lower triangle, 1/m²) from `count` of
+/// ranges, which leave `chi_squared`. O(D³), no allocation.
+/// Error::DegenerateGeometry, singular information; Error::NumericOverflow, a result that is not
+/// finite.
 template <class S, int D>
-[[nodiscard]] Result<Fix<S, D>> make_fix(RangeSpan<S, D> ranges, const Vec<S, D>& position,
-                                         const Mat<S, D>& information) {
+[[nodiscard]] Result<Fix<S, D>> make_fix(std::size_t count, const Vec<S, D>& position,
+                                         const Mat<S, D>& information, S chi_squared) {
   const Ldlt<S, D> factor{information};
   if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
-  Fix<S, D> fix{position, factor.inverse(), chi_squared<S, D>(ranges, position),
-                static_cast<int>(ranges.size()) - D};
+  Fix<S, D> fix{position, factor.inverse(), chi_squared, static_cast<int>(count) - D};
   if (!all_finite(fix.position) || !all_finite(fix.covariance) || !std::isfinite(fix.chi_squared)) {
     return std::unexpected(Error::NumericOverflow);
   }
   return fix;
+}
+
+/// The same with χ² computed. O(n·D + D³).
+template <class S, int D>
+[[nodiscard]] Result<Fix<S, D>> make_fix(RangeSpan<S, D> ranges, const Vec<S, D>& position,
+                                         const Mat<S, D>& information) {
+  return make_fix<S, D>(ranges.size(), position, information,
+                        uwbpos::chi_squared<S, D>(ranges, position));
 }
 
 }  // namespace uwbpos

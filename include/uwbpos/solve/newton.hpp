@@ -36,7 +36,7 @@ template <class S, int N>
 struct Minimum {
   Vec<S, N> state;        ///< the unknowns
   Mat<S, N> information;  ///< lower triangle
-  S chi_squared;          ///< before the last, negligible step
+  S chi_squared;          ///< at the state, to first order in the last, negligible step
 };
 
 /// Whether a minimum determines its state, `from_middle` [m] away from the middle of anchors that
@@ -51,58 +51,102 @@ template <class S, int N>
   return !(away > S(16) * reach * reach && factor.inverse().trace() > away);
 }
 
+namespace detail {
+
+/// Which matrix the next step divides by: H; J once where that does not help; then H damped.
+template <class S>
+struct Descent {
+  S damping = S(0);       ///< of H, in traces of J
+  S last_damping = S(0);  ///< the last that helped
+  bool newton = true;     ///< H as it is
+  bool straight = true;   ///< and so was it for the last step that helped
+
+  /// After a step that helped.
+  void soften() {
+    straight = newton;
+    newton = true;
+    if (damping > S(0)) last_damping = damping;
+    damping = S(0);
+  }
+  /// After a matrix or a step that did not; false when there is nothing left to try.
+  [[nodiscard]] bool harden() {
+    constexpr S kLeast = S(1e-3);
+    constexpr S kMost = S(1e6);
+    const bool once = newton && straight;
+    newton = false;
+    if (once) return true;
+    damping = damping > S(0) ? damping * S(4) : std::max(last_damping / S(8), kLeast);
+    return damping < kMost;
+  }
+  /// Whether a small gain means a small error.
+  [[nodiscard]] bool undamped() const { return damping <= S(1e-3); }
+
+  /// The entry in row i ≥ j of the matrix to divide by; `trace` is that of J.
+  template <int N>
+  [[nodiscard, gnu::always_inline]] inline S entry(const NormalEquations<S, N>& normal, S trace,
+                                                   int i, int j) const {
+    if (!newton && !(damping > S(0))) return normal.information(i, j);
+    return i == j ? normal.hessian(i, j) + damping * trace : normal.hessian(i, j);
+  }
+};
+
+}  // namespace detail
+
 /// Descends from `state` to the minimum in whose basin it lies. `evaluate(x)` returns the
 /// `NormalEquations` at x; `rounding` [m] is the shortest step that the scalar can tell.
-/// At most `max_iterations` steps, tried or taken; each costs one evaluation and O(N³).
+/// At most `max_iterations` evaluations, each with O(N³); one that has not helped costs another.
 /// No allocation. Error::NotConverged.
 template <class S, int N, class Evaluate>
 [[nodiscard]] Result<Minimum<S, N>> minimise(const Evaluate& evaluate, Vec<S, N> state, S rounding,
                                              int max_iterations) {
   constexpr S kSmallStep = S(1e-8);  // a ten-thousandth of a standard deviation, squared
-  constexpr S kLeastDamping = S(1e-3);
-  constexpr S kMostDamping = S(1e6);
-  NormalEquations<S, N> normal = evaluate(state);
-  bool newton = true;    // the next step is H's; else J's, or with damping the damped H's
-  bool straight = true;  // the last step was H's
-  S damping = S(0);
-  S last_damping = S(0);
+  constexpr S kContracts = S(0.01);
+  detail::Descent<S> descent;
+  Vec<S, N> trial = state;
+  S allowed = std::numeric_limits<S>::infinity();  // χ² of a step that helps
+  bool stepped = false;
+  S last_gain = S(0);  // of the step to `trial`, where it is H's
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    const NormalEquations<S, N> normal = evaluate(trial);
+    if (!(normal.chi_squared <= allowed)) {
+      if (!stepped || !descent.harden()) break;
+      trial = state;
+      allowed = std::numeric_limits<S>::infinity();
+      stepped = false;
+      last_gain = S(0);
+      continue;
+    }
+    state = trial;
+    if (stepped) descent.soften();
     const S trace = normal.information.trace();
-    Mat<S, N> matrix = newton || damping > S(0) ? normal.hessian : normal.information;
-    for (int i = 0; i < N; ++i) matrix(i, i) += damping * trace;
-    const Ldlt<S, N> factor{matrix};
-    bool helps = factor.positive_definite();
-    if (helps) {
-      const Vec<S, N> step = factor.solve(normal.gradient);
-      const S gain = dot(step, normal.gradient);
-      // The gain that rounding of every residual pretends, where that is more.
-      const S noise = trace * rounding * rounding;
-      if ((damping <= kLeastDamping && gain <= std::max(kSmallStep, noise)) ||
-          squared_norm(step) <= rounding * rounding) {
-        // Newton squares what is left: after a step so small nothing need be evaluated again.
-        return Minimum<S, N>{state + step, normal.information, normal.chi_squared};
+    Vec<S, N> step;
+    for (;;) {
+      const Ldlt<S, N> factor{[&](int i, int j) __attribute__((always_inline)) {
+        return descent.entry(normal, trace, i, j);
+      }};
+      if (factor.positive_definite()) {
+        step = factor.solve(normal.gradient);
+        break;
       }
-      const NormalEquations<S, N> next = evaluate(Vec<S, N>{state + step});
-      // No worse than what rounding of every residual may add to χ².
-      const S worst = std::sqrt(normal.chi_squared) + std::sqrt(noise);
-      helps = next.chi_squared <= worst * worst;
-      if (helps) {
-        state += step;
-        normal = next;
-      }
+      if (!descent.harden()) return std::unexpected(Error::NotConverged);
     }
-    if (helps) {
-      straight = newton;
-      newton = true;
-      if (damping > S(0)) last_damping = damping;
-      damping = S(0);
-    } else if (newton && straight) {
-      newton = false;
-    } else {
-      newton = false;
-      damping = damping > S(0) ? damping * S(4) : std::max(last_damping / S(8), kLeastDamping);
-      if (!(damping < kMostDamping)) break;
+    const S gain = dot(step, normal.gradient);
+    // The gain that rounding of every residual pretends, where that is more.
+    const S noise = trace * rounding * rounding;
+    const S enough = std::max(kSmallStep, noise);
+    // Newton's error e after a step is C e₀², e₀ that before it: two steps tell C.
+    const bool settled = descent.newton && gain <= kContracts * last_gain &&
+                         gain * gain * gain <= enough * last_gain * last_gain;
+    if ((descent.undamped() && gain <= enough) || settled ||
+        squared_norm(step) <= rounding * rounding) {
+      return Minimum<S, N>{state + step, normal.information,
+                           std::max(normal.chi_squared - gain, S(0))};
     }
+    // No worse than what rounding of every residual may add to χ².
+    allowed = normal.chi_squared + noise + S(2) * std::sqrt(normal.chi_squared * noise);
+    last_gain = descent.newton ? gain : S(0);
+    trial = state + step;
+    stepped = true;
   }
   return std::unexpected(Error::NotConverged);
 }

@@ -16,6 +16,7 @@
 #include <cmath>
 #include <limits>
 
+#include "uwbpos/core/lanes.hpp"
 #include "uwbpos/model/range_set.hpp"
 
 namespace uwbpos {
@@ -29,56 +30,96 @@ struct SquaredRanges {
   Vec<S, D> rhs;     ///< right-hand side [1/m]
   S rho_squared;     ///< ρ² [m²]
   S total_weight;    ///< Σ w [1/m⁴]
-  S largest;         ///< the greatest length met, |u_i| or r_i [m]: the scale of rounding errors
+  S largest;         ///< the greatest length met, from the first anchor or r_i [m]: the scale of
+                     ///< rounding errors
 };
 
-/// Builds the system from checked ranges. O(n·D²), no allocation.
+/// Builds the system from checked ranges: one pass for the anchors' plain mean o, one for sums about
+/// it, from which those about c follow, with m = c − o. O(n·D²), no allocation.
 template <class S, int D>
 [[nodiscard]] SquaredRanges<S, D> squared_ranges(RangeSpan<S, D> ranges) {
   S longest = S(0);
-  for (const RangeTo<S, D>& r : ranges) longest = std::max(longest, std::abs(r.range));
-  // A range of zero would weigh without bound: no range is known better than it can be written.
-  const S rounding = std::numeric_limits<S>::epsilon() * longest;
-  const auto weight = [rounding](const RangeTo<S, D>& r) {
-    const S variance = r.sigma * r.sigma;
-    return S(1) / (S(4) * variance * (r.range * r.range + variance / 2 + rounding * rounding));
-  };
-
-  SquaredRanges<S, D> system;
   const Vec<S, D> origin = ranges.front().anchor;
-  S total = S(0);
-  Vec<S, D> mean = Vec<S, D>::Zero();
-  for (const RangeTo<S, D>& r : ranges) {
-    const S w = weight(r);
-    total += w;
-    mean += w * (r.anchor - origin);
-  }
-  mean /= total;
-  system.total_weight = total;
-  system.center = origin + mean;
-
-  const auto offset = [&](const RangeTo<S, D>& r) -> Vec<S, D> {
-    return (r.anchor - origin) - mean;
-  };
+  S middle[D] = {};
   S farthest = S(0);
-  S rho_squared = S(0);
   for (const RangeTo<S, D>& r : ranges) {
-    const S square = squared_norm<S, D>(offset(r));
-    rho_squared += weight(r) * (r.range * r.range - square);
+    longest = std::max(longest, std::abs(r.range));
+    S square = S(0);
+#pragma GCC unroll 4
+    for (int k = 0; k < D; ++k) {
+      const S apart = r.anchor[k] - origin[k];
+      middle[k] += apart;
+      square += apart * apart;
+    }
     farthest = std::max(farthest, square);
   }
-  system.rho_squared = rho_squared / total;
-  system.largest = std::max(longest, std::sqrt(farthest));
+  const S share = S(1) / static_cast<S>(ranges.size());
+#pragma GCC unroll 4
+  for (int k = 0; k < D; ++k) middle[k] = origin[k] + middle[k] * share;
+  // A range of zero would weigh without bound: no range is known better than it can be written.
+  const S rounding = std::numeric_limits<S>::epsilon() * longest;
+  const S floor = rounding * rounding;
+  // Of the size of ρ², and taken from every square, it keeps digits where the tag is far away.
+  S offset = ranges.front().range * ranges.front().range;
+#pragma GCC unroll 4
+  for (int k = 0; k < D; ++k) offset -= (origin[k] - middle[k]) * (origin[k] - middle[k]);
 
-  system.normal.setZero();
-  system.rhs.setZero();
-  for (const RangeTo<S, D>& r : ranges) {
-    const Vec<S, D> u = offset(r);
-    const S w = weight(r);
-    add_outer(system.normal, u, w);
-    const S half = (squared_norm(u) - r.range * r.range + system.rho_squared) / 2;
-    system.rhs += (w * half) * u;
+  constexpr int kMean = D * (D + 1) / 2;  // Σ w d, after Σ w d dᵀ
+  constexpr int kPull = kMean + D;        // Σ w q d
+  constexpr int kSquare = kPull + D;      // Σ w q
+  constexpr int kWeight = kSquare + 1;    // Σ w
+  const auto sums = sum_in_lanes<S, kWeight + 1>(
+      ranges, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
+        using P = std::remove_cvref_t<decltype(one)>;
+        std::array<P, D> d;
+        P square = P{};
+        unroll<D>([&](auto k) __attribute__((always_inline)) {
+          d[k] = take([&](const auto& r) { return r.anchor[int(k)]; }) - middle[int(k)];
+          square += d[k] * d[k];
+        });
+        const P range = take([&](const auto& r) { return r.range; });
+        const P sigma = take([&](const auto& r) { return r.sigma; });
+        const P variance = sigma * sigma;
+        const P w = one / (S(4) * variance * (range * range + variance * S(0.5) + floor));
+        const P q = range * range - square - offset;
+        const P wq = w * q;
+        add_lower<D, 0>(sum, d, w);
+        unroll<D>([&](auto k) __attribute__((always_inline)) {
+          sum[kMean + k] += w * d[k];
+          sum[kPull + k] += wq * d[k];
+        });
+        sum[kSquare] += wq;
+        sum[kWeight] += w;
+      });
+
+  SquaredRanges<S, D> system;
+  const S total = sums[kWeight];
+  const S mean_square = sums[kSquare] / total;
+  S m[D];
+  S shift = S(0);
+#pragma GCC unroll 4
+  for (int k = 0; k < D; ++k) {
+    m[k] = sums[kMean + k] / total;
+    shift += m[k] * m[k];
+    system.center[k] = middle[k] + m[k];
   }
+#pragma GCC unroll 4
+  for (int j = 0; j < D; ++j) {
+#pragma GCC unroll 4
+    for (int i = j; i < D; ++i) {
+      system.normal(i, j) = sums[lower_index<D>(i, j)] - sums[kMean + i] * m[j];
+    }
+  }
+#pragma GCC unroll 4
+  for (int j = 0; j < D; ++j) {
+    S along = S(0);
+#pragma GCC unroll 4
+    for (int i = 0; i < D; ++i) along += system.normal(std::max(i, j), std::min(i, j)) * m[i];
+    system.rhs[j] = (m[j] * sums[kSquare] - sums[kPull + j]) / 2 - along;
+  }
+  system.rho_squared = offset + mean_square + shift;
+  system.total_weight = total;
+  system.largest = std::max(longest, std::sqrt(farthest));
   return system;
 }
 

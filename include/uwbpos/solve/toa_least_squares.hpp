@@ -11,6 +11,7 @@
 
 #include <algorithm>
 
+#include "uwbpos/core/lanes.hpp"
 #include "uwbpos/model/range.hpp"
 #include "uwbpos/solve/fix.hpp"
 #include "uwbpos/solve/newton.hpp"
@@ -39,31 +40,60 @@ struct DirectionPrior {
 
 /// The normal equations at `position`, relative to `center` like `prior`. O(n·D²), no allocation.
 template <class S, int D>
-[[nodiscard]] NormalEquations<S, D> range_normal(RangeSpan<S, D> ranges, const Vec<S, D>& center,
+[[nodiscard, gnu::always_inline]] inline NormalEquations<S, D> range_normal(RangeSpan<S, D> ranges, const Vec<S, D>& center,
                                                  const Vec<S, D>& position,
                                                  const DirectionPrior<S, D>& prior) {
+  constexpr int kTriangle = D * (D + 1) / 2;
+  constexpr int kGradient = 2 * kTriangle;
+  const std::array<S, kGradient + D + 2> sums = sum_in_lanes<S, kGradient + D + 2>(
+      ranges, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
+        using P = std::remove_cvref_t<decltype(one)>;
+        std::array<P, D> g;
+        P square = P{};
+        unroll<D>([&](auto k) __attribute__((always_inline)) {
+          const P anchor = take([&](const auto& r) { return r.anchor[int(k)]; });
+          g[k] = position[int(k)] - (anchor - center[int(k)]);
+          square += g[k] * g[k];
+        });
+        const P distance = square_root(square);
+        const P sigma = take([&](const auto& r) { return r.sigma; });
+        const P range = take([&](const auto& r) { return r.range; });
+        const P variance = sigma * sigma;
+        // One division for all three: 1/(σ² d), 1/σ² and 1/d.
+        const P both = one / (variance * distance);
+        const P inverse = both * variance;
+        const P weight = both * distance;
+        const P residual = (range > P{} ? range : P{}) - distance;  // no cusp at the anchor
+        const P weighted = residual * weight;
+        const P bend = residual * both;
+        unroll<D>([&](auto k) __attribute__((always_inline)) {
+          g[k] *= inverse;
+          sum[kGradient + k] += weighted * g[k];
+        });
+        add_lower<D, 0>(sum, g, weight);
+        add_lower<D, kTriangle>(sum, g, bend);
+        sum[kGradient + D] += weighted * residual;
+        sum[kGradient + D + 1] += bend;
+      });
   NormalEquations<S, D> normal;
-  add_outer(normal.information, prior.direction, prior.information);
-  const Vec<S, D> to_prior = prior.point - position;
-  const S off_prior = dot(prior.direction, to_prior);
-  normal.gradient = prior.direction * (prior.information * off_prior);
-  normal.chi_squared = prior.information * off_prior * off_prior;
-  S curvature = S(0);
-  for (const RangeTo<S, D>& r : ranges) {
-    const Vec<S, D> anchor = r.anchor - center;
-    const RangePrediction<S, D> predicted = predict_range(position, anchor);
-    const S weight = S(1) / (r.sigma * r.sigma);
-    const S residual = std::max(r.range, S(0)) - predicted.range;  // no cusp at the anchor
-    const S weighted = residual * weight;
-    add_outer(normal.information, predicted.gradient, weight);
-    normal.gradient += weighted * predicted.gradient;
-    normal.chi_squared += weighted * residual;
-    const S bend = predicted.range > S(0) ? weighted / predicted.range : S(0);
-    add_outer(normal.hessian, predicted.gradient, bend);
-    curvature += bend;
+#pragma GCC unroll 4
+  for (int j = 0; j < D; ++j) {
+#pragma GCC unroll 4
+    for (int i = j; i < D; ++i) {
+      const int at = lower_index<D>(i, j);
+      normal.information(i, j) = sums[at];
+      normal.hessian(i, j) = sums[at] + sums[kTriangle + at] - (i == j ? sums[kGradient + D + 1] : S(0));
+    }
+    normal.gradient[j] = sums[kGradient + j];
   }
-  normal.hessian += normal.information;
-  for (int i = 0; i < D; ++i) normal.hessian(i, i) -= curvature;
+  normal.chi_squared = sums[kGradient + D];
+  if (prior.information > S(0)) {
+    add_outer(normal.information, prior.direction, prior.information);
+    add_outer(normal.hessian, prior.direction, prior.information);
+    const S off = dot<S, D>(prior.direction, prior.point - position);
+    normal.gradient += prior.direction * (prior.information * off);
+    normal.chi_squared += prior.information * off * off;
+  }
   return normal;
 }
 
@@ -73,7 +103,7 @@ template <class S, int D>
 [[nodiscard]] Result<Minimum<S, D>> descend(RangeSpan<S, D> ranges, const Vec<S, D>& center,
                                             const Vec<S, D>& start, S largest, int max_iterations,
                                             const DirectionPrior<S, D>& prior = {}) {
-  const auto evaluate = [&](const Vec<S, D>& position) {
+  const auto evaluate = [&](const Vec<S, D>& position) __attribute__((always_inline)) {
     return range_normal<S, D>(ranges, center, position, prior);
   };
   const S rounding = S(4) * std::numeric_limits<S>::epsilon() * largest;
@@ -109,7 +139,8 @@ Result<Fix<S, D>> toa_least_squares(RangeSpan<S, D> span,
   const Result<Minimum<S, D>> minimum =
       descend<S, D>(span, center, start, largest, options.max_iterations);
   if (!minimum) return std::unexpected(minimum.error());
-  return make_fix<S, D>(span, center + minimum->state, minimum->information);
+  return make_fix<S, D>(span.size(), center + minimum->state, minimum->information,
+                        minimum->chi_squared);
 }
 
 }  // namespace detail

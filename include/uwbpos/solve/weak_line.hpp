@@ -40,29 +40,47 @@ template <class S, int N>
 [[nodiscard]] Result<WeakLine<S, N>> weak_line(const Mat<S, N>& normal, Vec<S, N> b) {
   constexpr S kLost = S(16 * N) * std::numeric_limits<S>::epsilon();
   constexpr int kLast = N - 1;
-  Mat<S, N> a = symmetric_from_lower(normal);
+  S a[N][N];  // the lower triangle, then the factors below the pivots
   int order[N];
-  for (int i = 0; i < N; ++i) order[i] = i;
+#pragma GCC unroll 4
+  for (int i = 0; i < N; ++i) {
+    order[i] = i;
+#pragma GCC unroll 4
+    for (int j = 0; j <= i; ++j) a[i][j] = normal(i, j);
+  }
 
+  S inverse[N];  // of the pivots
   S strongest = S(0);
-  S last_diagonal = a(kLast, kLast);
+  S last_diagonal = a[kLast][kLast];
+#pragma GCC unroll 4
   for (int k = 0; k < kLast; ++k) {
     int best = k;
-    for (int i = k + 1; i < N; ++i) best = a(i, i) > a(best, best) ? i : best;
-    for (int i = 0; i < N; ++i) std::swap(a(k, i), a(best, i));
-    for (int i = 0; i < N; ++i) std::swap(a(i, k), a(i, best));
-    std::swap(b[k], b[best]);
-    std::swap(order[k], order[best]);
-    if (k == 0) strongest = a(0, 0);
-    if (!(a(k, k) > kLost * strongest) || !(strongest > S(0))) {
+#pragma GCC unroll 4
+    for (int i = k + 1; i < N; ++i) best = a[i][i] > a[best][best] ? i : best;
+    if (best != k) {
+      std::swap(a[k][k], a[best][best]);
+      for (int j = 0; j < k; ++j) std::swap(a[k][j], a[best][j]);
+      for (int j = k + 1; j < best; ++j) std::swap(a[j][k], a[best][j]);
+      for (int i = best + 1; i < N; ++i) std::swap(a[i][k], a[i][best]);
+      std::swap(b[k], b[best]);
+      std::swap(order[k], order[best]);
+    }
+    if (k == 0) strongest = a[0][0];
+    if (!(a[k][k] > kLost * strongest) || !(strongest > S(0))) {
       return std::unexpected(Error::DegenerateGeometry);
     }
-    if (k == kLast - 1) last_diagonal = a(kLast, kLast);
+    if (k == kLast - 1) last_diagonal = a[kLast][kLast];
+    inverse[k] = S(1) / a[k][k];
+#pragma GCC unroll 4
     for (int i = k + 1; i < N; ++i) {
-      const S factor = a(i, k) / a(k, k);
-      for (int j = k + 1; j < N; ++j) a(i, j) -= factor * a(k, j);
+      const S factor = a[i][k] * inverse[k];
+#pragma GCC unroll 4
+      for (int j = k + 1; j <= i; ++j) a[i][j] -= factor * a[j][k];
       b[i] -= factor * b[k];
     }
+    // Now what is below the pivot may become factors: the rows above are done with.
+#pragma GCC unroll 4
+    for (int i = k + 1; i < N; ++i) a[i][k] *= inverse[k];
   }
 
   // Back substitution twice: with the last coordinate 0 (base), and its derivative (slope).
@@ -70,34 +88,37 @@ template <class S, int N>
   Vec<S, N> slope;
   base[kLast] = S(0);
   slope[kLast] = S(1);
+#pragma GCC unroll 4
   for (int k = kLast - 1; k >= 0; --k) {
-    S at_zero = b[k];
-    S derivative = S(0);
+    base[k] = b[k] * inverse[k];
+    slope[k] = S(0);
+#pragma GCC unroll 4
     for (int j = k + 1; j < N; ++j) {
-      at_zero -= a(k, j) * base[j];
-      derivative -= a(k, j) * slope[j];
+      base[k] -= a[j][k] * base[j];
+      slope[k] -= a[j][k] * slope[j];
     }
-    base[k] = at_zero / a(k, k);
-    slope[k] = derivative / a(k, k);
   }
   const S length = norm(slope);
-  const Vec<S, N> axis = slope / length;
+  const Vec<S, N> axis = slope * (S(1) / length);
   const S along = dot(base, axis);
   const Vec<S, N> foot = base - along * axis;
 
   WeakLine<S, N> line;
+  // fᵀ A⁺ f = |L⁻¹ f|² over the pivots.
   line.foot_spread = S(0);
   Vec<S, N> z = foot;
+#pragma GCC unroll 4
   for (int k = 0; k < kLast; ++k) {
-    line.foot_spread += z[k] * z[k] / a(k, k);
-    for (int i = k + 1; i < kLast; ++i) z[i] -= a(k, i) / a(k, k) * z[k];
+    line.foot_spread += z[k] * z[k] * inverse[k];
+#pragma GCC unroll 4
+    for (int i = k + 1; i < kLast; ++i) z[i] -= a[i][k] * z[k];
   }
   for (int i = 0; i < N; ++i) {
     line.foot[order[i]] = foot[i];
     line.direction[order[i]] = axis[i];
   }
   // A lacking rank keeps only rounding noise of the diagonal that the elimination consumed.
-  const S pivot = a(kLast, kLast);
+  const S pivot = a[kLast][kLast];
   const bool flat = !(pivot > kLost * last_diagonal) || !(pivot > kLost * kLost * strongest);
   line.linear = flat ? S(0) : along + b[kLast] / pivot * length;
   line.information = flat ? S(0) : pivot / (length * length);

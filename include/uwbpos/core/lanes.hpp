@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+#include "uwbpos/core/macros_off.hpp"
+
+/// @file
+/// Sums over measurements, in registers and two at once. They are kept in two lanes, of the even
+/// and of the odd measurements, added to each other at the end. Where a register holds two scalars
+/// both lanes advance together; elsewhere one follows the other, with the same operations in the
+/// same order and so the same bits.
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <type_traits>
+
+#include "uwbpos/core/unroll.hpp"
+
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
+namespace uwbpos {
+
+/// Where entry (i, j), i ≥ j, of a D × D lower triangle is, column by column.
+template <int D>
+inline constexpr int lower_index(int i, int j) {
+  return j * D - j * (j - 1) / 2 + i - j;
+}
+
+/// Adds `weight` · g gᵀ to the lower triangle that begins at `sum[Begin]`.
+template <int D, int Begin, class P, std::size_t K>
+[[gnu::always_inline]] inline void add_lower(std::array<P, K>& sum, const std::array<P, D>& g,
+                                             const P& weight) {
+  unroll<D>([&](auto j) __attribute__((always_inline)) {
+    const P scaled = weight * g[j];
+    unroll<D - j>([&](auto i) __attribute__((always_inline)) {
+      sum[Begin + lower_index<D>(j + i, j)] += scaled * g[j + i];
+    });
+  });
+}
+
+/// Two scalars in a register where the target has such, else void.
+template <class S>
+struct PairOf {
+  using Type = void;
+};
+#if defined(__SSE2__)
+/// Two doubles.
+template <>
+struct PairOf<double> {
+  using Type [[gnu::vector_size(16)]] = double;
+};
+/// The roots of both.
+[[nodiscard, gnu::always_inline]] inline PairOf<double>::Type square_root(PairOf<double>::Type x) {
+  return _mm_sqrt_pd(x);
+}
+#endif
+
+/// The root of one, for code that is written for both.
+template <class S>
+  requires std::is_floating_point_v<S>
+[[nodiscard, gnu::always_inline]] inline S square_root(S x) {
+  return std::sqrt(x);
+}
+
+/// K sums over the elements of `all`, in lanes. `step(sum, take, one)` adds to the array `sum` what
+/// take(f) = f(element) has, for one element or for two: scalars and pairs alike. Terms must be
+/// proportional to `one`, which is zero for an element that is not there. O(n·K), no allocation.
+template <class S, std::size_t K, class V, class Step>
+[[gnu::always_inline]] inline std::array<S, K> sum_in_lanes(const V& all, const Step& step) {
+  using Pair = typename PairOf<S>::Type;
+  const std::size_t n = all.size();
+  std::array<S, K> total;
+  if constexpr (std::is_void_v<Pair>) {
+    const auto lane = [&](std::size_t i) __attribute__((always_inline)) {
+      std::array<S, K> sum = {};
+      for (; i < n; i += 2) {
+        step(sum, [&](const auto& f) __attribute__((always_inline)) -> S { return f(all[i]); },
+             S(1));
+      }
+      return sum;
+    };
+    for (std::size_t which = 0; which < 2; ++which) {
+      const std::array<S, K> sum = lane(which);
+      unroll<int(K)>([&](auto k) __attribute__((always_inline)) {
+        total[k] = which == 0 ? sum[k] : total[k] + sum[k];
+      });
+    }
+  } else {
+    std::array<Pair, K> sum = {};
+    for (std::size_t i = 0; i < n; i += 2) {
+      const bool whole = i + 1 < n;
+      const auto& even = all[i];
+      const auto& odd = all[whole ? i + 1 : i];
+      step(sum,
+           [&](const auto& f) __attribute__((always_inline)) -> Pair { return Pair{f(even), f(odd)}; },
+           Pair{S(1), whole ? S(1) : S(0)});
+    }
+    unroll<int(K)>(
+        [&](auto k) __attribute__((always_inline)) { total[k] = sum[k][0] + sum[k][1]; });
+  }
+  return total;
+}
+
+}  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"
