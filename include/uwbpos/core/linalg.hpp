@@ -113,13 +113,15 @@ template <class S, int M, int K>
 template <class S, int D>
 class Ldlt {
  public:
+  /// Nothing factored yet.
+  Ldlt() = default;
   /// Factors `a`; ask `positive_definite` before anything else.
   [[gnu::always_inline]] inline explicit Ldlt(const Mat<S, D>& a) {
-    factor([&](int i, int j) __attribute__((always_inline)) { return a(i, j); });
+    factor([&](int i, int j) __attribute__((always_inline)) { return S(a(i, j)); });
   }
   /// Factors the matrix whose entry in row i ≥ j is `entry(i, j)`.
   template <class Entry>
-    requires std::is_invocable_r_v<S, Entry, int, int>
+    requires std::is_same_v<std::invoke_result_t<Entry, int, int>, S>
   [[gnu::always_inline]] inline explicit Ldlt(const Entry& entry) {
     factor(entry);
   }
@@ -163,7 +165,8 @@ class Ldlt {
         each<D>([&](auto k) __attribute__((always_inline)) {
           if (k > j) sum -= x[i][k] * l_[k][j];
         });
-        x[i][j] = x[j][i] = sum;
+        x[i][j] = sum;
+        x[j][i] = sum;
       });
     });
     Mat<S, D> result;
@@ -181,7 +184,7 @@ class Ldlt {
     S lost = S(8 * D) * std::numeric_limits<S>::epsilon();
     each<D>([&](auto j) __attribute__((always_inline)) {
       S scaled[D];  // row j of L·diag(d)
-      const S diagonal = entry(j, j);
+      const S diagonal = entry(int(j), int(j));
       S pivot = diagonal;
       each<D>([&](auto k) __attribute__((always_inline)) {
         if (k < j) {
@@ -195,7 +198,7 @@ class Ldlt {
       lost *= std::max(S(1), diagonal * inverse_[j]);
       each<D>([&](auto i) __attribute__((always_inline)) {
         if (i > j) {
-          S sum = entry(i, j);
+          S sum = entry(int(i), int(j));
           each<D>([&](auto k) __attribute__((always_inline)) {
             if (k < j) sum -= l_[i][k] * scaled[k];
           });

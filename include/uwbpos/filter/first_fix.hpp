@@ -62,24 +62,25 @@ struct PoseReadings {
     return r.value - to.range;
   }
 
-  [[nodiscard]] NormalEquations<S, N> operator()(const Vec<S, N>& pose) const {
+  [[nodiscard]] NormalEquations<S, N> operator()(const Vec<S, N>& pose, Curvature) const {
     NormalEquations<S, N> normal;
     for (int i = 0; i < set.count; ++i) {
       if ((kept >> i & 1) == 0) continue;
       const FirstReading<S>& r = set.readings[static_cast<std::size_t>(i)];
       Vec<S, N> gradient;
       const S e = residual(r, pose, gradient);
-      add_outer(normal.information, gradient, S(S(1) / r.variance));
+      add_outer(normal.matrix, gradient, S(S(1) / r.variance));
+      normal.trace += squared_norm(gradient) / r.variance;
       normal.gradient += gradient * (e / r.variance);
       normal.chi_squared += e * e / r.variance;
     }
     if (N > D && options.heading) {
       const S off = angle_difference<S>(options.heading->value, pose[N - 1]);
-      normal.information(N - 1, N - 1) += S(1) / options.heading->variance;
+      normal.matrix(N - 1, N - 1) += S(1) / options.heading->variance;
+      normal.trace += S(1) / options.heading->variance;
       normal.gradient[N - 1] += off / options.heading->variance;
       normal.chi_squared += off * off / options.heading->variance;
     }
-    normal.hessian = normal.information;
     return normal;
   }
 };

@@ -43,6 +43,17 @@ concept PseudorangeView = requires(const V& view, std::size_t i) {
   { view[i] } -> std::convertible_to<RangeTo<S, D>>;
 };
 
+/// A pseudorange as a view shows it: what a `RangeTo` holds, the anchor by reference.
+template <class S, int D>
+struct PseudorangeEntry {
+  const Vec<S, D>& anchor;  ///< [m]
+  S range;                  ///< the pseudorange [m]
+  S sigma;                  ///< standard deviation [m]
+
+  /// A copy.
+  operator RangeTo<S, D>() const { return {anchor, range, sigma}; }
+};
+
 /// Differences against a shared reference, read as pseudoranges. Refers to the caller's data.
 template <class S, int D>
 struct DifferenceView {
@@ -53,7 +64,7 @@ struct DifferenceView {
   /// One more than there are differences: the reference comes first.
   [[nodiscard]] std::size_t size() const { return differences.size() + 1; }
   /// Entry `i` of the pseudoranges.
-  [[nodiscard]] RangeTo<S, D> operator[](std::size_t i) const {
+  [[nodiscard]] PseudorangeEntry<S, D> operator[](std::size_t i) const {
     if (i == 0) return {reference, S(0), sigma};
     return {differences[i - 1].anchor, differences[i - 1].difference, sigma};
   }
@@ -64,7 +75,7 @@ template <class S, int D>
 [[nodiscard]] S difference_chi_squared(const DifferenceView<S, D>& view,
                                        const Vec<S, D>& position) {
   const auto residual = [&](std::size_t i) {
-    const RangeTo<S, D>& r = view[i];
+    const auto r = view[i];
     return r.range - predict_range(position, r.anchor).range;
   };
   S mean = S(0);

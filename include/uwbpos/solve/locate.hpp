@@ -91,7 +91,8 @@ Result<Fix<S, D>> locate_ranges(RangeSpan<S, D> ranges, const LocateOptions<S, D
   const Result<Minimum<S, D>> found = roots->flat() ? locate_flat(ranges, *roots, options)
                                                     : locate_spanned(ranges, *roots, options);
   if (!found) return std::unexpected(found.error());
-  return make_fix<S, D>(ranges, roots->center + found->state, found->information);
+  return make_fix<S, D>(ranges.size(), roots->center + found->state, found->information,
+                        found->chi_squared);
 }
 
 }  // namespace detail

@@ -12,6 +12,9 @@
 /// tag near the anchors' plane takes tens of steps. Where H is not positive or its step does not
 /// help, J takes its place once; J creeps along a bent valley, such as the ring around an anchor
 /// close by, so after that it is H, damped as Levenberg has it.
+///
+/// An evaluation makes one of the two matrices. The last one makes J, whose inverse is the
+/// covariance; the H of the step before does for the last, short step.
 
 #include <algorithm>
 #include <cmath>
@@ -22,14 +25,27 @@
 
 namespace uwbpos {
 
+/// Which matrix an evaluation makes.
+enum class Curvature {
+  Full,        ///< H
+  Information  ///< J
+};
+
 /// (1) at one state of N numbers.
 template <class S, int N>
 struct NormalEquations {
-  Mat<S, N> information = Mat<S, N>::Zero();  ///< J, lower triangle
-  Mat<S, N> hessian = Mat<S, N>::Zero();      ///< H, lower triangle
-  Vec<S, N> gradient = Vec<S, N>::Zero();     ///< ∇
-  S chi_squared = S(0);                       ///< what is made small
+  Mat<S, N> matrix = Mat<S, N>::Zero();    ///< H or J, lower triangle
+  Vec<S, N> gradient = Vec<S, N>::Zero();  ///< ∇
+  S trace = S(0);                          ///< of J
+  /// t with |H(x + s) − H(x)| ≤ t |s| near x; infinite where nobody knows.
+  S third = std::numeric_limits<S>::infinity();
+  S chi_squared = S(0);                    ///< what is made small
 };
+
+/// The third derivative of half of χ² by ranges is at most this times Σ w / d: of h² / 2 it is
+/// 3 g (I − g gᵀ) / d along one direction, 3 · 2 / √27 at most.
+template <class S>
+inline constexpr S kThirdDerivative = S(1.1547005);
 
 /// Where a descent ended, and J there.
 template <class S, int N>
@@ -78,75 +94,100 @@ struct Descent {
     damping = damping > S(0) ? damping * S(4) : std::max(last_damping / S(8), kLeast);
     return damping < kMost;
   }
+  /// Whether it is J.
+  [[nodiscard]] bool gauss() const { return !newton && !(damping > S(0)); }
   /// Whether a small gain means a small error.
   [[nodiscard]] bool undamped() const { return damping <= S(1e-3); }
-
-  /// The entry in row i ≥ j of the matrix to divide by; `trace` is that of J.
-  template <int N>
-  [[nodiscard, gnu::always_inline]] inline S entry(const NormalEquations<S, N>& normal, S trace,
-                                                   int i, int j) const {
-    if (!newton && !(damping > S(0))) return normal.information(i, j);
-    return i == j ? normal.hessian(i, j) + damping * trace : normal.hessian(i, j);
-  }
 };
 
 }  // namespace detail
 
-/// Descends from `state` to the minimum in whose basin it lies. `evaluate(x)` returns the
-/// `NormalEquations` at x; `rounding` [m] is the shortest step that the scalar can tell.
-/// At most `max_iterations` evaluations, each with O(N³); one that has not helped costs another.
-/// No allocation. Error::NotConverged.
+/// Descends from `state` to the minimum in whose basin it lies. `evaluate(x, curvature)` returns
+/// the `NormalEquations` at x; `rounding` [m] is the shortest step that the scalar can tell.
+/// At most `max_iterations` evaluations, each with O(N³); two from a start within a standard
+/// deviation or so. No allocation. Error::NotConverged.
 template <class S, int N, class Evaluate>
 [[nodiscard]] Result<Minimum<S, N>> minimise(const Evaluate& evaluate, Vec<S, N> state, S rounding,
                                              int max_iterations) {
   constexpr S kSmallStep = S(1e-8);  // a ten-thousandth of a standard deviation, squared
-  constexpr S kContracts = S(0.01);
+  constexpr S kSameMatrix = S(1e-6);  // a thousandth, squared
+  constexpr S kHopeful = S(1e3);      // what bounds exceed as a rule, squared
+  constexpr S kNever = std::numeric_limits<S>::infinity();
   detail::Descent<S> descent;
+  Ldlt<S, N> factor;
   Vec<S, N> trial = state;
-  S allowed = std::numeric_limits<S>::infinity();  // χ² of a step that helps
-  bool stepped = false;
-  S last_gain = S(0);  // of the step to `trial`, where it is H's
+  S allowed = kNever;    // χ² of a step that helps
+  S spread = S(0);       // of the state, by `factor`
+  S change = kNever;     // of H, at most, by the step to `trial`, where that is H's
+  bool stepped = false;  // `trial` is new
+  Curvature curvature = Curvature::Full;
+  const auto again = [&](Curvature other) {
+    trial = state;
+    allowed = kNever;
+    stepped = false;
+    change = kNever;
+    curvature = other;
+  };
+  const auto made_of = [&] { return descent.gauss() ? Curvature::Information : Curvature::Full; };
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    const NormalEquations<S, N> normal = evaluate(trial);
+    const NormalEquations<S, N> normal = evaluate(trial, curvature);
     if (!(normal.chi_squared <= allowed)) {
       if (!stepped || !descent.harden()) break;
-      trial = state;
-      allowed = std::numeric_limits<S>::infinity();
-      stepped = false;
-      last_gain = S(0);
+      again(made_of());
       continue;
     }
     state = trial;
+    // J after a step of H: the last evaluation, if its step is as short as it should be.
+    const bool last = stepped && descent.newton && curvature == Curvature::Information;
     if (stepped) descent.soften();
-    const S trace = normal.information.trace();
-    Vec<S, N> step;
-    for (;;) {
-      const Ldlt<S, N> factor{[&](int i, int j) __attribute__((always_inline)) {
-        return descent.entry(normal, trace, i, j);
-      }};
-      if (factor.positive_definite()) {
-        step = factor.solve(normal.gradient);
-        break;
+    if (!last) {
+      do {
+        const S damped = descent.damping * normal.trace;
+        factor = Ldlt<S, N>{[&](int i, int j) __attribute__((always_inline)) {
+          return i == j ? normal.matrix(i, j) + damped : normal.matrix(i, j);
+        }};
+      } while (!factor.positive_definite() && descent.harden() && curvature == made_of());
+      if (!factor.positive_definite()) {
+        if (curvature == made_of()) break;
+        again(made_of());
+        continue;
       }
-      if (!descent.harden()) return std::unexpected(Error::NotConverged);
     }
+    const Vec<S, N> step = factor.solve(normal.gradient);
     const S gain = dot(step, normal.gradient);
-    // The gain that rounding of every residual pretends, where that is more.
-    const S noise = trace * rounding * rounding;
-    const S enough = std::max(kSmallStep, noise);
-    // Newton's error e after a step is C e₀², e₀ that before it: two steps tell C.
-    const bool settled = descent.newton && gain <= kContracts * last_gain &&
-                         gain * gain * gain <= enough * last_gain * last_gain;
-    if ((descent.undamped() && gain <= enough) || settled ||
-        squared_norm(step) <= rounding * rounding) {
-      return Minimum<S, N>{state + step, normal.information,
-                           std::max(normal.chi_squared - gain, S(0))};
+    // The gain that rounding of every residual pretends, where that is more: less of it for an old
+    // H, whose steps leave more. Exact measurements, which leave no χ², are worth exact answers.
+    const S noise = normal.trace * rounding * rounding;
+    const S enough = std::max(kSmallStep * std::min(normal.chi_squared, S(1)),
+                              last ? noise / S(16) : noise);
+    const S length = squared_norm(step);
+    const bool short_step = (descent.undamped() && gain <= enough) ||
+                            length <= rounding * rounding;
+    // What an old H leaves of a step, e = H⁻¹ ΔH s, and what the step changes of J.
+    const S share = spread * normal.third;
+    const bool settled = last && spread * change * change * length <= enough &&
+                         share * share * length <= kSameMatrix;
+    if (curvature == Curvature::Information && (short_step || settled)) {
+      return Minimum<S, N>{state + step, normal.matrix, std::max(normal.chi_squared - gain, S(0))};
+    }
+    if (last) {
+      again(Curvature::Full);
+      continue;
     }
     // No worse than what rounding of every residual may add to χ².
     allowed = normal.chi_squared + noise + S(2) * std::sqrt(normal.chi_squared * noise);
-    last_gain = descent.newton ? gain : S(0);
+    bool near = short_step;
+    change = kNever;
+    if (descent.newton && normal.third < kNever) {
+      change = normal.third * std::sqrt(length);
+      spread = factor.inverse().trace();
+      // The next step is this one's error, half of H⁻¹ ΔH s.
+      const S next = spread * change * change;
+      near = near || S(0.25) * spread * next * next * length <= kHopeful * enough;
+    }
     trial = state + step;
     stepped = true;
+    curvature = near ? Curvature::Information : Curvature::Full;
   }
   return std::unexpected(Error::NotConverged);
 }

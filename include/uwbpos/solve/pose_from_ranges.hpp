@@ -69,7 +69,7 @@ template <class S, int D>
 Result<Mat<S, D + 1>> pose_covariance(PoseProblem<S, D> problem, const Vec<S, D + 1>& state) {
   problem.heading.pinned = problem.heading.pinned && !(problem.heading.information > S(0));
   problem.height.pinned = problem.height.pinned && !(problem.height.information > S(0));
-  const Ldlt<S, D + 1> factor{pose_normal<S, D>(problem, state).information};
+  const Ldlt<S, D + 1> factor{pose_normal<S, D>(problem, state, Curvature::Information).matrix};
   if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
   Mat<S, D + 1> covariance = factor.inverse();
   for (int k = 0; k <= D; ++k) {

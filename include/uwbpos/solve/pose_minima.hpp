@@ -58,8 +58,8 @@ void descend_at(const PoseProblem<S, D>& problem, S heading, PoseMinima<S, D>& m
   const Result<ToaRoots<S, D>> roots = toa_roots<S, D>(RangeSpan<S, D>{storage.data(), n});
   if (!roots) return;
   const S rounding = S(4) * std::numeric_limits<S>::epsilon() * problem.largest;
-  const auto evaluate = [&](const Vec<S, D + 1>& state) {
-    return pose_normal<S, D>(problem, state);
+  const auto evaluate = [&](const Vec<S, D + 1>& state, Curvature curvature) {
+    return pose_normal<S, D>(problem, state, curvature);
   };
   const auto descend_from = [&](S tau) {
     const Vec<S, D> position = roots->center + roots->foot + tau * roots->direction;

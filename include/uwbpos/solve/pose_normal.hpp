@@ -21,8 +21,10 @@ namespace uwbpos {
 /// The normal equations at `state`. O(n·D²), no allocation.
 template <class S, int D>
 [[nodiscard]] NormalEquations<S, D + 1> pose_normal(const PoseProblem<S, D>& problem,
-                                                    const Vec<S, D + 1>& state) {
+                                                    const Vec<S, D + 1>& state,
+                                                    Curvature curvature) {
   constexpr int N = D + 1;
+  const bool bent = curvature == Curvature::Full;
   const S unit = S(1) / problem.arm;
   const Turn<S> turn = turn_of(state[D] * unit);
   const Vec<S, D> position = state.template head<D>();
@@ -46,8 +48,13 @@ template <class S, int D>
     normal.gradient += pull * row;
     normal.chi_squared += term.cost;
     const S bend = predicted.range > S(0) ? pull / predicted.range : S(0);
-    add_outer(normal.information, row, term.weight * weight);
-    add_outer(normal.hessian, row, (term.curvature - term.weight) * weight + bend);
+    const S informs = term.weight * weight;
+    normal.trace += informs * squared_norm(row);
+    if (!bent) {
+      add_outer(normal.matrix, row, informs);
+      continue;
+    }
+    add_outer(normal.matrix, row, term.curvature * weight + bend);
     // Aᵀ A and the last part of (1), summed.
     const S ax = -predicted.arm[1] * unit;
     const S ay = predicted.arm[0] * unit;
@@ -57,25 +64,20 @@ template <class S, int D>
     const S outward = predicted.gradient[0] * ay - predicted.gradient[1] * ax;  // (gᵀr)_xy / L
     bends_turn += bend * (ax * ax + ay * ay) - pull * outward * unit;
   }
-  normal.hessian += normal.information;
-  for (int k = 0; k < D; ++k) normal.hessian(k, k) -= bends;
-  normal.hessian(D, 0) -= bends_x;
-  normal.hessian(D, 1) -= bends_y;
-  normal.hessian(D, D) -= bends_turn;
+  for (int k = 0; k < D; ++k) normal.matrix(k, k) -= bends;
+  normal.matrix(D, 0) -= bends_x;
+  normal.matrix(D, 1) -= bends_y;
+  normal.matrix(D, D) -= bends_turn;
 
   const auto know = [&](int k, const Knowledge<S>& known, S error) {
     if (known.pinned) {
       // No step along k, and no part of k in the others' steps.
-      const S any = normal.information.trace();
-      for (int i = 0; i < N; ++i) {
-        normal.information(std::max(i, k), std::min(i, k)) = S(0);
-        normal.hessian(std::max(i, k), std::min(i, k)) = S(0);
-      }
-      normal.information(k, k) = normal.hessian(k, k) = any;
+      for (int i = 0; i < N; ++i) normal.matrix(std::max(i, k), std::min(i, k)) = S(0);
+      normal.matrix(k, k) = normal.trace;
       normal.gradient[k] = S(0);
     } else if (known.information > S(0)) {
-      normal.information(k, k) += known.information;
-      normal.hessian(k, k) += known.information;
+      normal.matrix(k, k) += known.information;
+      normal.trace += known.information;
       normal.gradient[k] += known.information * error;
       normal.chi_squared += known.information * error * error;
     }

@@ -20,51 +20,65 @@ template <class S, int D>
   return S(4) * std::numeric_limits<S>::epsilon() * roots.largest;
 }
 
-/// The minimum of χ² in whose basin root `i` lies, (position, bias) relative to `roots.center` and
-/// `roots.mean_pseudorange`. O(n·D²) an iteration, no allocation. Error::NotConverged.
+/// A minimum of χ² and the profile there, with J; relative to the roots' center and mean.
+template <class S, int D>
+struct PseudorangeMinimum {
+  Vec<S, D> position;                ///< [m]
+  PseudorangeProfile<S, D> profile;  ///< there
+};
+
+/// The minimum of χ² in whose basin root `i` lies. O(n·D²) an iteration, no allocation.
+/// Error::NotConverged.
 template <class S, int D, PseudorangeView<S, D> V>
-[[nodiscard]] Result<Minimum<S, D + 1>> pseudorange_minimum(const V& view,
-                                                            const PseudorangeRoots<S, D>& roots,
-                                                            int i) {
+[[nodiscard]] Result<PseudorangeMinimum<S, D>> pseudorange_minimum(
+    const V& view, const PseudorangeRoots<S, D>& roots, int i) {
   constexpr int kIterations = 100;
   const int freedom = static_cast<int>(view.size()) - (D + 1);
-  const auto from = [&](const Vec<S, D + 1>& root) {
-    const auto evaluate = [&](const Vec<S, D>& position) {
-      return pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position).normal;
+  const auto from = [&](const Vec<S, D + 1>& root) -> Result<PseudorangeMinimum<S, D>> {
+    PseudorangeMinimum<S, D> minimum;
+    PseudorangeProfile<S, D>& profile = minimum.profile;
+    profile.bias = root[D];
+    const auto evaluate = [&](const Vec<S, D>& position, Curvature curvature) {
+      minimum.position = position;
+      profile = pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position,
+                                          curvature, profile.bias);
+      return profile.normal;
     };
     Vec<S, D> start;
     for (int k = 0; k < D; ++k) start[k] = root[k];
-    Result<Minimum<S, D>> found =
+    const Result<Minimum<S, D>> found =
         minimise<S, D>(evaluate, start, pseudorange_rounding(roots), kIterations);
+    if (!found) return std::unexpected(found.error());
     // χ² may fall towards a far end of the hyperbolas, where rounding ends it.
     const S farthest = S(1e3) * (roots.largest + norm(start));
-    if (found && !(norm(found->state) < farthest)) found = std::unexpected(Error::NotConverged);
-    return found;
+    if (!(norm(found->state) < farthest)) return std::unexpected(Error::NotConverged);
+    // What the last, negligible step changes, to first order.
+    profile.bias -= dot<S, D>(profile.mean_gradient, found->state - minimum.position);
+    profile.normal.chi_squared = found->chi_squared;
+    minimum.position = found->state;
+    return minimum;
   };
-  // The refined root is near its minimum unless noise has sent it astray, which shows in a χ² that
-  // is not believable.
-  Result<Minimum<S, D>> minimum = from(refined_candidate<S, D>(view, roots, i));
-  if (!minimum || !is_believable(minimum->chi_squared, freedom)) {
-    const Result<Minimum<S, D>> again = from(roots.candidates[i]);
-    if (!minimum || (again && again->chi_squared < minimum->chi_squared)) minimum = again;
+  // The root is in its minimum's basin unless noise has sent it astray, which shows in a χ² that is
+  // not believable; then the root refined is tried.
+  Result<PseudorangeMinimum<S, D>> minimum = from(roots.candidates[i]);
+  if (!minimum || !is_believable(minimum->profile.normal.chi_squared, freedom)) {
+    const Result<PseudorangeMinimum<S, D>> again = from(refined_candidate<S, D>(view, roots, i));
+    if (!minimum ||
+        (again && again->profile.normal.chi_squared < minimum->profile.normal.chi_squared)) {
+      minimum = again;
+    }
   }
-  if (!minimum) return std::unexpected(minimum.error());
-  return with_bias(
-      pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, minimum->state),
-      minimum->state);
+  return minimum;
 }
 
-/// The fix at a minimum that `pseudorange_minimum` found. O(n·D²), no allocation.
+/// The fix at a minimum that `pseudorange_minimum` found. O(D³), no allocation.
 /// Errors: Error::DegenerateGeometry, Error::NumericOverflow.
 template <class S, int D, PseudorangeView<S, D> V>
 [[nodiscard]] Result<BiasedFix<S, D>> biased_fix_at(const V& view,
                                                     const PseudorangeRoots<S, D>& roots,
-                                                    const Minimum<S, D + 1>& minimum) {
-  const Vec<S, D> position = minimum.state.template head<D>();
-  const auto profile =
-      pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position);
-  return make_biased_fix<S, D>(profile, roots.center, roots.mean_pseudorange, position,
-                               static_cast<int>(view.size()) - (D + 1));
+                                                    const PseudorangeMinimum<S, D>& minimum) {
+  return make_biased_fix<S, D>(minimum.profile, roots.center, roots.mean_pseudorange,
+                               minimum.position, static_cast<int>(view.size()) - (D + 1));
 }
 
 /// The fix at the minimum in whose basin root `i` lies. O(n·D²) an iteration, no allocation.
@@ -72,7 +86,7 @@ template <class S, int D, PseudorangeView<S, D> V>
 template <class S, int D, PseudorangeView<S, D> V>
 [[nodiscard]] Result<BiasedFix<S, D>> minimum_from(const V& view,
                                                    const PseudorangeRoots<S, D>& roots, int i) {
-  const Result<Minimum<S, D + 1>> minimum = pseudorange_minimum<S, D>(view, roots, i);
+  const Result<PseudorangeMinimum<S, D>> minimum = pseudorange_minimum<S, D>(view, roots, i);
   if (!minimum) return std::unexpected(minimum.error());
   return biased_fix_at<S, D>(view, roots, *minimum);
 }
@@ -86,10 +100,11 @@ template <class S, int D, PseudorangeView<S, D> V>
                                                 int i) {
   Vec<S, D> position = roots.candidates[i].template head<D>();
   const auto at = [&] {
-    return pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position);
+    return pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position,
+                                     Curvature::Information, S(0));
   };
   const PseudorangeProfile<S, D> first = at();
-  const Ldlt<S, D> factor{first.normal.information};
+  const Ldlt<S, D> factor{first.normal.matrix};
   if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
   const Vec<S, D> step = factor.solve(first.normal.gradient);
   constexpr S kFar = S(0.02);
@@ -121,16 +136,24 @@ template <class S, int D, PseudorangeView<S, D> V>
   if (!roots) return std::unexpected(roots.error());
   if (roots->count == 0) return std::unexpected(Error::InconsistentRanges);
   const int freedom = static_cast<int>(view.size()) - (D + 1);
-  Result<Minimum<S, D + 1>> found = pseudorange_minimum<S, D>(view, *roots, 0);
-  if (roots->count == 2) {
-    LocateOptions<S, D> relative = options;
-    if (relative.prior) *relative.prior -= roots->center;
-    const S noise = chi_squared_rounding(view, roots->largest);
-    found = settle_images<S, D, D + 1>(found, pseudorange_minimum<S, D>(view, *roots, 1), relative,
-                                       freedom, roots->largest, noise);
+  const Result<PseudorangeMinimum<S, D>> first = pseudorange_minimum<S, D>(view, *roots, 0);
+  if (roots->count == 1) {
+    if (!first) return std::unexpected(first.error());
+    return biased_fix_at<S, D>(view, *roots, *first);
   }
+  const Result<PseudorangeMinimum<S, D>> second = pseudorange_minimum<S, D>(view, *roots, 1);
+  const auto image = [](const Result<PseudorangeMinimum<S, D>>& m) -> Result<Minimum<S, D + 1>> {
+    if (!m) return std::unexpected(m.error());
+    return with_bias<S, D>(m->profile, m->position);
+  };
+  LocateOptions<S, D> relative = options;
+  if (relative.prior) *relative.prior -= roots->center;
+  const S noise = chi_squared_rounding<S>(view, roots->largest);
+  const Result<Minimum<S, D + 1>> found = settle_images<S, D, D + 1>(
+      image(first), image(second), relative, freedom, roots->largest, noise);
   if (!found) return std::unexpected(found.error());
-  return biased_fix_at<S, D>(view, *roots, *found);
+  const bool is_first = first && found->state.template head<D>() == first->position;
+  return biased_fix_at<S, D>(view, *roots, is_first ? *first : *second);
 }
 
 /// Position and common bias [m] from n ≥ D + 1 pseudoranges: `RangeTo` whose ranges are distances

@@ -14,6 +14,7 @@
 /// taken off before they were squared: receivers that see the emitter in nearly one direction,
 /// where float has no digits left for the full system, are solved all the same.
 
+#include "uwbpos/core/lanes.hpp"
 #include "uwbpos/model/pseudorange.hpp"
 #include "uwbpos/solve/newton.hpp"
 
@@ -33,66 +34,101 @@ struct BiasedFix {
 /// (1) at one position.
 template <class S, int D>
 struct PseudorangeProfile {
-  NormalEquations<S, D> normal;  ///< ∇, J, H, χ²
+  NormalEquations<S, D> normal;  ///< ∇, J or H, χ²
   S bias;                        ///< b(p), relative to the mean pseudorange given [m]
   Vec<S, D> mean_gradient;       ///< ḡ
   S total_weight;                ///< W [1/m²]
 };
 
-/// (1) at `position`, relative to `center`; pseudoranges relative to `mean`. O(n·D²), no
-/// allocation.
+/// (1) at `position`, relative to `center`; pseudoranges relative to `mean`. H has the curvature of
+/// residuals at the bias `near` [m], relative to `mean`, which a descent knows from where it was
+/// before; it is that of (1) at the minimum. O(n·D²), no allocation.
 template <class S, int D, PseudorangeView<S, D> V>
 [[nodiscard]] PseudorangeProfile<S, D> pseudorange_profile(const V& view, const Vec<S, D>& center,
-                                                           S mean, const Vec<S, D>& position) {
+                                                           S mean, const Vec<S, D>& position,
+                                                           Curvature curvature, S near) {
   // Departures from the first pseudorange's, then from the mean of those.
+  const RangePrediction<S, D> first =
+      predict_range<S, D>(position, Vec<S, D>{view[0].anchor - center});
+  const S first_residual = (view[0].range - mean) - first.range;
+  const S beyond = near - first_residual;
+  const S bending = curvature == Curvature::Full ? S(1) : S(0);
+
+  constexpr S kNowhere = S(1e-24);        // [m²], so that a position at an anchor divides by something
+  constexpr int kMean = D * (D + 1) / 2;  // Σ w g', after Σ w g' g'ᵀ + Σ b g gᵀ with b = w e / r
+  constexpr int kPull = kMean + D;        // Σ w e' g'
+  constexpr int kResidual = kPull + D;    // Σ w e'
+  constexpr int kSquare = kResidual + 1;  // Σ w e'²
+  constexpr int kWeight = kSquare + 1;    // Σ w
+  constexpr int kBend = kWeight + 1;      // Σ b
+  constexpr int kTurn = kBend + 1;        // Σ w / r
+  const auto sums = sum_in_lanes<S, kTurn + 1>(
+      view, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
+        using P = std::remove_cvref_t<decltype(one)>;
+        std::array<P, D> g;
+        P square = P{} + kNowhere;
+        unroll<D>([&](auto k) __attribute__((always_inline)) {
+          const P anchor = take([&](const auto& r) { return r.anchor[int(k)]; });
+          g[k] = position[int(k)] - (anchor - center[int(k)]);
+          square += g[k] * g[k];
+        });
+        const P distance = square_root(square);
+        const P sigma = take([](const auto& r) { return r.sigma; });
+        const P range = take([](const auto& r) { return r.range; });
+        const P variance = sigma * sigma;
+        // One division for all: 1/(σ² r), 1/σ² and 1/r.
+        const P both = one / (variance * distance);
+        const P inverse = both * variance;
+        const P weight = both * distance;
+        const P e = ((range - mean) - distance) - first_residual;
+        const P turn = weight * inverse;
+        const P bend = bending * ((e - beyond) * turn);
+        std::array<P, D> apart;
+        unroll<D>([&](auto k) __attribute__((always_inline)) {
+          g[k] *= inverse;
+          apart[k] = g[k] - first.gradient[int(k)];
+        });
+        const P weighted = weight * e;
+        unroll<D>([&](auto k) __attribute__((always_inline)) {
+          sum[kMean + k] += weight * apart[k];
+          sum[kPull + k] += weighted * apart[k];
+        });
+        add_lower<D, 0>(sum, apart, weight);
+        add_lower<D, 0>(sum, g, bend);
+        sum[kResidual] += weighted;
+        sum[kSquare] += weighted * e;
+        sum[kWeight] += weight;
+        sum[kBend] += bend;
+        sum[kTurn] += turn;
+      });
+
   PseudorangeProfile<S, D> profile;
   NormalEquations<S, D>& normal = profile.normal;
-  Vec<S, D> first_gradient = Vec<S, D>::Zero();
-  S first_residual = S(0);
-  Vec<S, D> gradients = Vec<S, D>::Zero();
-  S residuals = S(0);
-  S total = S(0);
-  NormalEquations<S, D> bends;  // Σ w (I − g gᵀ)/r in `hessian`; Σ w e (I − g gᵀ)/r beside it
-  for (std::size_t i = 0; i < view.size(); ++i) {
-    const RangeTo<S, D>& r = view[i];
-    const Vec<S, D> anchor = r.anchor - center;
-    const RangePrediction<S, D> predicted = predict_range(position, anchor);
-    const S residual = (r.range - mean) - predicted.range;
-    if (i == 0) {
-      first_gradient = predicted.gradient;
-      first_residual = residual;
+  const S total = sums[kWeight];
+  const S residual = sums[kResidual] / total;
+#pragma GCC unroll 4
+  for (int j = 0; j < D; ++j) {
+    const S gradient = sums[kMean + j] / total;
+    profile.mean_gradient[j] = first.gradient[j] + gradient;
+    normal.gradient[j] = sums[kPull + j] - residual * sums[kMean + j];
+#pragma GCC unroll 4
+    for (int i = j; i < D; ++i) {
+      normal.matrix(i, j) = sums[lower_index<D>(i, j)] - sums[kMean + i] * gradient;
     }
-    const S weight = S(1) / (r.sigma * r.sigma);
-    const Vec<S, D> gradient = predicted.gradient - first_gradient;
-    const S e = residual - first_residual;
-    add_outer(normal.information, gradient, weight);
-    gradients += weight * gradient;
-    residuals += weight * e;
-    normal.gradient += (weight * e) * gradient;
-    normal.chi_squared += weight * e * e;
-    total += weight;
-    const S bend = predicted.range > S(0) ? weight / predicted.range : S(0);
-    add_outer<S, D>(bends.hessian, predicted.gradient, -bend);
-    add_outer<S, D>(bends.information, predicted.gradient, -bend * e);
-    for (int k = 0; k < D; ++k) {
-      bends.hessian(k, k) += bend;
-      bends.information(k, k) += bend * e;
-    }
+    normal.matrix(j, j) -= sums[kBend];
+    normal.trace += normal.matrix(j, j);
   }
-  gradients /= total;
-  residuals /= total;
-  add_outer<S, D>(normal.information, gradients, -total);
-  normal.gradient -= (total * residuals) * gradients;
-  normal.chi_squared = std::max(normal.chi_squared - total * residuals * residuals, S(0));
-  normal.hessian = normal.information - (bends.information - residuals * bends.hessian);
-  profile.bias = first_residual + residuals;
-  profile.mean_gradient = first_gradient + gradients;
+  // J's: unit vectors have trace 1, and so the bends.
+  normal.trace += static_cast<S>(D - 1) * sums[kBend];
+  // As of ranges, with g' for g.
+  normal.third = (kThirdDerivative<S> + S(3) * norm(profile.mean_gradient)) * sums[kTurn];
+  normal.chi_squared = std::max(sums[kSquare] - sums[kResidual] * residual, S(0));
+  profile.bias = first_residual + residual;
   profile.total_weight = total;
   return profile;
 }
 
-/// The profile at `position` as a minimum of (position, bias), J with its bias. O(D²), no
-/// allocation.
+/// The profile at `position`, with J, as a minimum of (position, bias). O(D²), no allocation.
 template <class S, int D>
 [[nodiscard]] Minimum<S, D + 1> with_bias(const PseudorangeProfile<S, D>& profile,
                                           const Vec<S, D>& position) {
@@ -102,19 +138,19 @@ template <class S, int D>
   Vec<S, D + 1> gradient;
   gradient << profile.mean_gradient, S(1);
   minimum.information.setZero();
-  minimum.information.template topLeftCorner<D, D>() = profile.normal.information;
+  minimum.information.template topLeftCorner<D, D>() = profile.normal.matrix;
   add_outer<S, D + 1>(minimum.information, gradient, profile.total_weight);
   return minimum;
 }
 
-/// The fix that `profile`, at `position`, describes. O(D³), no allocation.
+/// The fix that `profile`, with J at `position`, describes. O(D³), no allocation.
 /// Errors: Error::DegenerateGeometry, all unit vectors alike or in a cone; Error::NumericOverflow.
 template <class S, int D>
 [[nodiscard]] Result<BiasedFix<S, D>> make_biased_fix(const PseudorangeProfile<S, D>& profile,
                                                       const Vec<S, D>& center, S mean,
                                                       const Vec<S, D>& position,
                                                       int degrees_of_freedom) {
-  const Ldlt<S, D> factor{profile.normal.information};
+  const Ldlt<S, D> factor{profile.normal.matrix};
   if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
   const Mat<S, D> p = factor.inverse();
   BiasedFix<S, D> fix;

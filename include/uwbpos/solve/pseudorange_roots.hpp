@@ -17,9 +17,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
+#include "uwbpos/core/lanes.hpp"
 #include "uwbpos/model/pseudorange.hpp"
+#include "uwbpos/solve/sum_origin.hpp"
 #include "uwbpos/solve/weak_line.hpp"
 
 namespace uwbpos {
@@ -58,57 +59,105 @@ struct PseudorangeRoots {
 template <class S, int D, PseudorangeView<S, D> V>
 [[nodiscard]] Result<PseudorangeRoots<S, D>> pseudorange_roots(
     const V& view, const std::type_identity_t<BiasedPosition<S, D>>* near = nullptr) {
+  constexpr int N = D + 1;
+  // Rows (a, −ρ) relative to the first; sums are taken about a place o near their weighted mean c,
+  // and those about c follow, with m = c − o.
   const std::size_t n = view.size();
-  const RangeTo<S, D>& origin = view[0];
-  const auto weight = [&](const RangeTo<S, D>& r) {
-    // A range of less than a sigma would weigh without bound.
-    const S range = near ? std::max(r.range - near->bias, r.sigma) : S(1);
-    return S(1) / (range * range * r.sigma * r.sigma);
-  };
-  S total = S(0);
-  Vec<S, D> mean = Vec<S, D>::Zero();
-  S mean_range = S(0);
+  const Vec<S, D> origin = view[0].anchor;
+  const S first = view[0].range;
+  const S bias = near ? near->bias : S(0);
+  S farthest = S(0);
+  SumOrigin<S, N + 1> heavy;
   for (std::size_t i = 0; i < n; ++i) {
-    const RangeTo<S, D>& r = view[i];
-    const S w = weight(r);
-    total += w;
-    mean += w * (r.anchor - origin.anchor);
-    mean_range += w * (r.range - origin.range);
+    const auto& r = view[i];
+    S apart[N + 1];
+    S square = S(0);
+#pragma GCC unroll 4
+    for (int k = 0; k < D; ++k) {
+      apart[k] = r.anchor[k] - origin[k];
+      square += apart[k] * apart[k];
+    }
+    apart[D] = -(r.range - first);
+    const S beyond = apart[D] * apart[D];
+    apart[N] = square - beyond;
+    farthest = std::max(farthest, square + beyond);
+    const S scale = near ? r.sigma * std::max(r.range - bias, r.sigma) : r.sigma;
+    heavy.add(apart, scale * scale);
   }
-  mean /= total;
-  mean_range /= total;
-  const auto centered = [&](std::size_t i) {
-    const RangeTo<S, D>& r = view[i];
-    const Vec<S, D> u = (r.anchor - origin.anchor) - mean;
-    Vec<S, D + 1> row;
-    for (int k = 0; k < D; ++k) row[k] = u[k];
-    row[D] = -((r.range - origin.range) - mean_range);
-    return std::pair{row, weight(r)};
-  };
+  S middle[N + 1];
+  heavy.place(middle, static_cast<S>(n));
+  // <d, d> there; taken from every square it leaves small numbers, which keep their digits.
+  S offset = middle[N];
+#pragma GCC unroll 4
+  for (int k = 0; k < N; ++k) offset += k < D ? -(middle[k] * middle[k]) : middle[k] * middle[k];
 
-  S lambda = S(0);
-  S largest = S(0);
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto [row, w] = centered(i);
-    lambda -= w * space_time_product<S, D + 1>(row, row);
-    largest = std::max(largest, squared_norm(row));
+  constexpr int kMean = N * (N + 1) / 2;  // Σ w d, after Σ w d dᵀ
+  constexpr int kPull = kMean + N;        // Σ w q d
+  constexpr int kSquare = kPull + N;      // Σ w q
+  constexpr int kWeight = kSquare + 1;    // Σ w
+  const auto sums = sum_in_lanes<S, kWeight + 1>(
+      view, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
+        using P = std::remove_cvref_t<decltype(one)>;
+        const P range = take([](const auto& r) { return r.range; });
+        const P sigma = take([](const auto& r) { return r.sigma; });
+        std::array<P, N> d;
+        d[D] = -(range - first) - middle[D];
+        P q = -(d[D] * d[D]) - offset;
+        unroll<D>([&](auto k) __attribute__((always_inline)) {
+          d[k] = (take([&](const auto& r) { return r.anchor[int(k)]; }) - origin[int(k)]) -
+                 middle[int(k)];
+          q += d[k] * d[k];
+        });
+        P scale = sigma;
+        if (near) {
+          // A range of less than a sigma would weigh without bound.
+          const P far = range - bias;
+          scale *= far > sigma ? far : sigma;
+        }
+        const P w = one / (scale * scale);
+        const P wq = w * q;
+        add_lower<N, 0>(sum, d, w);
+        unroll<N>([&](auto k) __attribute__((always_inline)) {
+          sum[kMean + k] += w * d[k];
+          sum[kPull + k] += wq * d[k];
+        });
+        sum[kSquare] += wq;
+        sum[kWeight] += w;
+      });
+  const S total = sums[kWeight];
+  Vec<S, N> m;
+  Vec<S, N> flipped;  // η m
+#pragma GCC unroll 4
+  for (int k = 0; k < N; ++k) {
+    m[k] = sums[kMean + k] / total;
+    flipped[k] = k < D ? m[k] : -m[k];
   }
-  lambda /= total;
-  Mat<S, D + 1> normal = Mat<S, D + 1>::Zero();
-  Vec<S, D + 1> rhs = Vec<S, D + 1>::Zero();
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto [row, w] = centered(i);
-    add_outer(normal, row, w);
-    rhs += (w * (space_time_product<S, D + 1>(row, row) + lambda) / 2) * row;
+  const S lambda = dot<S, N>(m, flipped) - (sums[kSquare] / total + offset);
+  Mat<S, N> normal;
+#pragma GCC unroll 4
+  for (int j = 0; j < N; ++j) {
+#pragma GCC unroll 4
+    for (int i = j; i < N; ++i) {
+      normal(i, j) = sums[lower_index<N>(i, j)] - sums[kMean + i] * m[j];
+    }
+  }
+  Vec<S, N> rhs;
+#pragma GCC unroll 4
+  for (int j = 0; j < N; ++j) {
+    S along = S(0);
+#pragma GCC unroll 4
+    for (int i = 0; i < N; ++i) along += normal(std::max(i, j), std::min(i, j)) * flipped[i];
+    rhs[j] = (sums[kPull + j] - m[j] * sums[kSquare]) / 2 - along;
   }
   const Result<WeakLine<S, D + 1>> line = weak_line<S, D + 1>(normal, rhs);
   if (!line) return std::unexpected(line.error());
 
   PseudorangeRoots<S, D> roots;
-  roots.center = origin.anchor + mean;
-  roots.mean_pseudorange = origin.range + mean_range;
+#pragma GCC unroll 4
+  for (int k = 0; k < D; ++k) roots.center[k] = origin[k] + middle[k] + m[k];
+  roots.mean_pseudorange = first - middle[D] - m[D];
   roots.count = 0;
-  roots.largest = std::max(std::sqrt(largest), norm(line->foot));
+  roots.largest = std::max(std::sqrt(farthest), norm(line->foot));
 
   // a τ² + 2 h τ + c = 0 of (1) on the line.
   const S a = space_time_product<S, D + 1>(line->direction, line->direction);
@@ -119,8 +168,9 @@ template <class S, int D, PseudorangeView<S, D> V>
     const Vec<S, D + 1> state = line->foot + tau * line->direction;
     const S slack = S(1e-3) * (roots.largest + norm(state));
     for (std::size_t i = 0; i < n; ++i) {
-      const auto [row, w] = centered(i);
-      if (-row[D] - state[D] < -slack - S(3) * view[i].sigma) return;  // a negative range
+      const auto& r = view[i];
+      // A negative range.
+      if ((r.range - roots.mean_pseudorange) - state[D] < -slack - S(3) * r.sigma) return;
     }
     roots.candidates[roots.count++] = state;
   };

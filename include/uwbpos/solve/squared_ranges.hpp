@@ -18,6 +18,7 @@
 
 #include "uwbpos/core/lanes.hpp"
 #include "uwbpos/model/range_set.hpp"
+#include "uwbpos/solve/sum_origin.hpp"
 
 namespace uwbpos {
 
@@ -34,36 +35,38 @@ struct SquaredRanges {
                      ///< rounding errors
 };
 
-/// Builds the system from checked ranges: one pass for the anchors' plain mean o, one for sums about
-/// it, from which those about c follow, with m = c − o. O(n·D²), no allocation.
+/// Builds the system from checked ranges: one pass for a place o near c, one for sums about it, from
+/// which those about c follow, with m = c − o. O(n·D²), no allocation.
 template <class S, int D>
 [[nodiscard]] SquaredRanges<S, D> squared_ranges(RangeSpan<S, D> ranges) {
+  const Vec<S, D> first = ranges.front().anchor;
+  const S count = static_cast<S>(ranges.size());
   S longest = S(0);
-  const Vec<S, D> origin = ranges.front().anchor;
-  S middle[D] = {};
   S farthest = S(0);
+  SumOrigin<S, D + 1> near;
   for (const RangeTo<S, D>& r : ranges) {
     longest = std::max(longest, std::abs(r.range));
+    const S range_square = r.range * r.range;
+    S apart[D + 1];
     S square = S(0);
 #pragma GCC unroll 4
     for (int k = 0; k < D; ++k) {
-      const S apart = r.anchor[k] - origin[k];
-      middle[k] += apart;
-      square += apart * apart;
+      apart[k] = r.anchor[k] - first[k];
+      square += apart[k] * apart[k];
     }
+    apart[D] = range_square - square;
     farthest = std::max(farthest, square);
+    near.add(apart, range_square * (r.sigma * r.sigma));
   }
-  const S share = S(1) / static_cast<S>(ranges.size());
+  S middle[D + 1];
+  near.place(middle, count);
+  // r² − |d|² there; taken from every square it leaves small numbers, which keep their digits.
+  S offset = middle[D];
 #pragma GCC unroll 4
-  for (int k = 0; k < D; ++k) middle[k] = origin[k] + middle[k] * share;
+  for (int k = 0; k < D; ++k) offset += middle[k] * middle[k];
   // A range of zero would weigh without bound: no range is known better than it can be written.
   const S rounding = std::numeric_limits<S>::epsilon() * longest;
   const S floor = rounding * rounding;
-  // Of the size of ρ², and taken from every square, it keeps digits where the tag is far away.
-  S offset = ranges.front().range * ranges.front().range;
-#pragma GCC unroll 4
-  for (int k = 0; k < D; ++k) offset -= (origin[k] - middle[k]) * (origin[k] - middle[k]);
-
   constexpr int kMean = D * (D + 1) / 2;  // Σ w d, after Σ w d dᵀ
   constexpr int kPull = kMean + D;        // Σ w q d
   constexpr int kSquare = kPull + D;      // Σ w q
@@ -74,7 +77,8 @@ template <class S, int D>
         std::array<P, D> d;
         P square = P{};
         unroll<D>([&](auto k) __attribute__((always_inline)) {
-          d[k] = take([&](const auto& r) { return r.anchor[int(k)]; }) - middle[int(k)];
+          d[k] = (take([&](const auto& r) { return r.anchor[int(k)]; }) - first[int(k)]) -
+                 middle[int(k)];
           square += d[k] * d[k];
         });
         const P range = take([&](const auto& r) { return r.range; });
@@ -101,7 +105,7 @@ template <class S, int D>
   for (int k = 0; k < D; ++k) {
     m[k] = sums[kMean + k] / total;
     shift += m[k] * m[k];
-    system.center[k] = middle[k] + m[k];
+    system.center[k] = first[k] + (middle[k] + m[k]);
   }
 #pragma GCC unroll 4
   for (int j = 0; j < D; ++j) {

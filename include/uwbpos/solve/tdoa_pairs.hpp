@@ -20,9 +20,10 @@ namespace uwbpos {
 /// The normal equations of (1) at `position`, relative to `center`. O(n·D²), no allocation.
 template <class S, int D>
 [[nodiscard]] NormalEquations<S, D> pairs_normal(PairSpan<S, D> pairs, const Vec<S, D>& center,
-                                                 const Vec<S, D>& position) {
+                                                 const Vec<S, D>& position,
+                                                 Curvature curvature) {
   NormalEquations<S, D> normal;
-  S curvature = S(0);
+  S bends = S(0);
   for (const PairDifference<S, D>& d : pairs) {
     const RangePrediction<S, D> a = predict_range<S, D>(position, d.anchor_a - center);
     const RangePrediction<S, D> b = predict_range<S, D>(position, d.anchor_b - center);
@@ -30,17 +31,18 @@ template <class S, int D>
     const S weight = S(1) / (d.sigma * d.sigma);
     const S residual = d.difference - (b.range - a.range);
     const S weighted = residual * weight;
-    add_outer(normal.information, gradient, weight);
+    add_outer(normal.matrix, gradient, weight);
+    normal.trace += weight * squared_norm(gradient);
     normal.gradient += weighted * gradient;
     normal.chi_squared += weighted * residual;
+    if (curvature == Curvature::Information) continue;
     const S bend_a = a.range > S(0) ? -weighted / a.range : S(0);
     const S bend_b = b.range > S(0) ? weighted / b.range : S(0);
-    add_outer(normal.hessian, a.gradient, bend_a);
-    add_outer(normal.hessian, b.gradient, bend_b);
-    curvature += bend_a + bend_b;
+    add_outer(normal.matrix, a.gradient, bend_a);
+    add_outer(normal.matrix, b.gradient, bend_b);
+    bends += bend_a + bend_b;
   }
-  normal.hessian += normal.information;
-  for (int i = 0; i < D; ++i) normal.hessian(i, i) -= curvature;
+  for (int i = 0; i < D; ++i) normal.matrix(i, i) -= bends;
   return normal;
 }
 
@@ -64,8 +66,8 @@ Result<Fix<S, D>> tdoa_least_squares(PairSpan<S, D> pairs, const LocateOptions<S
     largest = std::max(largest, norm<S, D>(d.anchor_b - center));
   }
   const S rounding = S(4) * std::numeric_limits<S>::epsilon() * largest;
-  const auto evaluate = [&](const Vec<S, D>& position) {
-    return pairs_normal<S, D>(pairs, center, position);
+  const auto evaluate = [&](const Vec<S, D>& position, Curvature curvature) {
+    return pairs_normal<S, D>(pairs, center, position, curvature);
   };
   const int freedom = static_cast<int>(pairs.size()) - D;
   Result<Minimum<S, D>> first = std::unexpected(Error::NotConverged);
@@ -122,8 +124,7 @@ Result<Fix<S, D>> tdoa_least_squares(PairSpan<S, D> pairs, const LocateOptions<S
       second ? settle_images<S, D, D>(first, second, relative, freedom, largest, noise) : first;
   if (!found) return std::unexpected(found.error());
   const Ldlt<S, D> factor{found->information};
-  Fix<S, D> fix{center + found->state, factor.inverse(), evaluate(found->state).chi_squared,
-                freedom};
+  Fix<S, D> fix{center + found->state, factor.inverse(), found->chi_squared, freedom};
   if (!all_finite(fix.position) || !all_finite(fix.covariance) || !std::isfinite(fix.chi_squared)) {
     return std::unexpected(Error::NumericOverflow);
   }

@@ -40,16 +40,21 @@ struct DirectionPrior {
 
 /// The normal equations at `position`, relative to `center` like `prior`. O(n·D²), no allocation.
 template <class S, int D>
-[[nodiscard, gnu::always_inline]] inline NormalEquations<S, D> range_normal(RangeSpan<S, D> ranges, const Vec<S, D>& center,
-                                                 const Vec<S, D>& position,
-                                                 const DirectionPrior<S, D>& prior) {
-  constexpr int kTriangle = D * (D + 1) / 2;
-  constexpr int kGradient = 2 * kTriangle;
-  const std::array<S, kGradient + D + 2> sums = sum_in_lanes<S, kGradient + D + 2>(
+[[nodiscard, gnu::always_inline]] inline NormalEquations<S, D> range_normal(
+    RangeSpan<S, D> ranges, const Vec<S, D>& center, const Vec<S, D>& position,
+    const DirectionPrior<S, D>& prior, Curvature curvature) {
+  constexpr int kPull = D * (D + 1) / 2;  // ∇, after Σ (w + b) g gᵀ with b = w e / d
+  constexpr int kWeight = kPull + D;      // Σ w
+  constexpr int kBend = kWeight + 1;      // Σ b
+  constexpr int kTurn = kBend + 1;        // Σ w / d
+  constexpr int kSquare = kTurn + 1;      // Σ w e²
+  constexpr S kNowhere = S(1e-24);  // [m²], so that a position at an anchor divides by something
+  const S bending = curvature == Curvature::Full ? S(1) : S(0);
+  const auto sums = sum_in_lanes<S, kSquare + 1>(
       ranges, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
         using P = std::remove_cvref_t<decltype(one)>;
         std::array<P, D> g;
-        P square = P{};
+        P square = P{} + kNowhere;
         unroll<D>([&](auto k) __attribute__((always_inline)) {
           const P anchor = take([&](const auto& r) { return r.anchor[int(k)]; });
           g[k] = position[int(k)] - (anchor - center[int(k)]);
@@ -59,39 +64,40 @@ template <class S, int D>
         const P sigma = take([&](const auto& r) { return r.sigma; });
         const P range = take([&](const auto& r) { return r.range; });
         const P variance = sigma * sigma;
-        // One division for all three: 1/(σ² d), 1/σ² and 1/d.
+        // One division for all: 1/(σ² d), 1/σ² and 1/d.
         const P both = one / (variance * distance);
         const P inverse = both * variance;
         const P weight = both * distance;
         const P residual = (range > P{} ? range : P{}) - distance;  // no cusp at the anchor
         const P weighted = residual * weight;
-        const P bend = residual * both;
+        const P turn = weight * inverse;
+        const P bend = bending * (residual * turn);
         unroll<D>([&](auto k) __attribute__((always_inline)) {
           g[k] *= inverse;
-          sum[kGradient + k] += weighted * g[k];
+          sum[kPull + k] += weighted * g[k];
         });
-        add_lower<D, 0>(sum, g, weight);
-        add_lower<D, kTriangle>(sum, g, bend);
-        sum[kGradient + D] += weighted * residual;
-        sum[kGradient + D + 1] += bend;
+        add_lower<D, 0>(sum, g, weight + bend);
+        sum[kWeight] += weight;
+        sum[kBend] += bend;
+        sum[kTurn] += turn;
+        sum[kSquare] += weighted * residual;
       });
   NormalEquations<S, D> normal;
 #pragma GCC unroll 4
   for (int j = 0; j < D; ++j) {
 #pragma GCC unroll 4
-    for (int i = j; i < D; ++i) {
-      const int at = lower_index<D>(i, j);
-      normal.information(i, j) = sums[at];
-      normal.hessian(i, j) = sums[at] + sums[kTriangle + at] - (i == j ? sums[kGradient + D + 1] : S(0));
-    }
-    normal.gradient[j] = sums[kGradient + j];
+    for (int i = j; i < D; ++i) normal.matrix(i, j) = sums[lower_index<D>(i, j)];
+    normal.matrix(j, j) -= sums[kBend];
+    normal.gradient[j] = sums[kPull + j];
   }
-  normal.chi_squared = sums[kGradient + D];
+  normal.trace = sums[kWeight];
+  normal.third = kThirdDerivative<S> * sums[kTurn];
+  normal.chi_squared = sums[kSquare];
   if (prior.information > S(0)) {
-    add_outer(normal.information, prior.direction, prior.information);
-    add_outer(normal.hessian, prior.direction, prior.information);
+    add_outer(normal.matrix, prior.direction, prior.information);
     const S off = dot<S, D>(prior.direction, prior.point - position);
     normal.gradient += prior.direction * (prior.information * off);
+    normal.trace += prior.information;
     normal.chi_squared += prior.information * off * off;
   }
   return normal;
@@ -103,8 +109,9 @@ template <class S, int D>
 [[nodiscard]] Result<Minimum<S, D>> descend(RangeSpan<S, D> ranges, const Vec<S, D>& center,
                                             const Vec<S, D>& start, S largest, int max_iterations,
                                             const DirectionPrior<S, D>& prior = {}) {
-  const auto evaluate = [&](const Vec<S, D>& position) __attribute__((always_inline)) {
-    return range_normal<S, D>(ranges, center, position, prior);
+  const auto evaluate = [&](const Vec<S, D>& position, Curvature curvature)
+      __attribute__((always_inline)) {
+    return range_normal<S, D>(ranges, center, position, prior, curvature);
   };
   const S rounding = S(4) * std::numeric_limits<S>::epsilon() * largest;
   return minimise<S, D>(evaluate, start, rounding, max_iterations);
