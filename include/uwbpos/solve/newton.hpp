@@ -120,11 +120,13 @@ template <class S, int N, class Evaluate>
   S spread = S(0);       // of the state, by `factor`
   S change = kNever;     // of H, at most, by the step to `trial`, where that is H's
   bool stepped = false;  // `trial` is new
+  bool certain = false;  // and the step to it negligible
   Curvature curvature = Curvature::Full;
   const auto again = [&](Curvature other) {
     trial = state;
     allowed = kNever;
     stepped = false;
+    certain = false;
     change = kNever;
     curvature = other;
   };
@@ -167,7 +169,7 @@ template <class S, int N, class Evaluate>
     const S share = spread * normal.third;
     const bool settled = last && spread * change * change * length <= enough &&
                          share * share * length <= kSameMatrix;
-    if (curvature == Curvature::Information && (short_step || settled)) {
+    if (curvature == Curvature::Information && (short_step || settled || certain)) {
       return Minimum<S, N>{state + step, normal.matrix, std::max(normal.chi_squared - gain, S(0))};
     }
     if (last) {
@@ -176,6 +178,7 @@ template <class S, int N, class Evaluate>
     }
     // No worse than what rounding of every residual may add to χ².
     allowed = normal.chi_squared + noise + S(2) * std::sqrt(normal.chi_squared * noise);
+    certain = short_step;
     bool near = short_step;
     change = kNever;
     if (descent.newton && normal.third < kNever) {

@@ -35,17 +35,28 @@ template <class S, int D, PseudorangeView<S, D> V>
   constexpr int kIterations = 100;
   const int freedom = static_cast<int>(view.size()) - (D + 1);
   const auto from = [&](const Vec<S, D + 1>& root) -> Result<PseudorangeMinimum<S, D>> {
-    PseudorangeMinimum<S, D> minimum;
-    PseudorangeProfile<S, D>& profile = minimum.profile;
-    profile.bias = root[D];
-    const auto evaluate = [&](const Vec<S, D>& position, Curvature curvature) {
-      minimum.position = position;
-      profile = pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position,
-                                          curvature, profile.bias);
-      return profile.normal;
-    };
     Vec<S, D> start;
     for (int k = 0; k < D; ++k) start[k] = root[k];
+    // The bias follows from the lowest profile met, by its gradient.
+    Vec<S, D> at = start;
+    Vec<S, D> slope = Vec<S, D>::Zero();
+    S bias = root[D];
+    S lowest = std::numeric_limits<S>::infinity();
+    PseudorangeMinimum<S, D> minimum;
+    PseudorangeProfile<S, D>& profile = minimum.profile;
+    const auto evaluate = [&](const Vec<S, D>& position, Curvature curvature) {
+      minimum.position = position;
+      const S near = bias - dot<S, D>(slope, position - at);
+      profile = pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position,
+                                          curvature, near);
+      if (profile.normal.chi_squared < lowest) {
+        at = position;
+        slope = profile.mean_gradient;
+        bias = profile.bias;
+        lowest = profile.normal.chi_squared;
+      }
+      return profile.normal;
+    };
     const Result<Minimum<S, D>> found =
         minimise<S, D>(evaluate, start, pseudorange_rounding(roots), kIterations);
     if (!found) return std::unexpected(found.error());
