@@ -3,12 +3,12 @@
 #include "uwbpos/core/macros_off.hpp"
 
 /// @file
-/// Sums over measurements, in registers and two at once. They are kept in two lanes, of the even
-/// and of the odd measurements, added to each other at the end. Where a register holds two scalars
-/// both lanes advance together; elsewhere one follows the other, with the same operations in the
-/// same order and so the same bits.
+/// Sums over measurements, kept in registers. Sums of doubles have two lanes, of the even and of
+/// the odd measurements, added to each other at the end: where a register holds two doubles both
+/// lanes advance together, elsewhere one follows the other, with the same operations in the same
+/// order and so the same bits. Sums of floats, which microcontrollers take one by one, have one
+/// lane.
 
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <type_traits>
@@ -21,6 +21,16 @@
 
 namespace uwbpos {
 
+/// N numbers, or pairs of numbers, that plain integers index.
+template <class P, int N>
+struct Numbers {
+  P values[N];  ///< the numbers
+  /// Number i.
+  [[nodiscard, gnu::always_inline]] constexpr P& operator[](int i) { return values[i]; }
+  /// Number i.
+  [[nodiscard, gnu::always_inline]] constexpr const P& operator[](int i) const { return values[i]; }
+};
+
 /// Where entry (i, j), i ≥ j, of a D × D lower triangle is, column by column.
 template <int D>
 inline constexpr int lower_index(int i, int j) {
@@ -28,8 +38,8 @@ inline constexpr int lower_index(int i, int j) {
 }
 
 /// Adds `weight` · g gᵀ to the lower triangle that begins at `sum[Begin]`.
-template <int D, int Begin, class P, std::size_t K>
-[[gnu::always_inline]] inline void add_lower(std::array<P, K>& sum, const std::array<P, D>& g,
+template <int D, int Begin, class P, int K>
+[[gnu::always_inline]] inline void add_lower(Numbers<P, K>& sum, const Numbers<P, D>& g,
                                              const P& weight) {
   unroll<D>([&](auto j) __attribute__((always_inline)) {
     const P scaled = weight * g[j];
@@ -63,43 +73,46 @@ template <class S>
   return std::sqrt(x);
 }
 
-/// K sums over the elements of `all`, in lanes. `step(sum, take, one)` adds to the array `sum` what
-/// take(f) = f(element) has, for one element or for two: scalars and pairs alike. Terms must be
-/// proportional to `one`, which is zero for an element that is not there. O(n·K), no allocation.
-template <class S, std::size_t K, class V, class Step>
-[[gnu::always_inline]] inline std::array<S, K> sum_in_lanes(const V& all, const Step& step) {
+/// K sums over the elements of `all`, in lanes. `step(sum, take, one)` adds to the numbers `sum`
+/// what take(f) = f(element) has, for one element or for two: scalars and pairs alike. Terms must
+/// be proportional to `one`, which is zero for an element that is not there. O(n·K), no allocation.
+template <class S, int K, class V, class Step>
+[[gnu::always_inline]] inline Numbers<S, K> sum_in_lanes(const V& all, const Step& step) {
   using Pair = typename PairOf<S>::Type;
   const std::size_t n = all.size();
-  std::array<S, K> total;
   if constexpr (std::is_void_v<Pair>) {
+    constexpr std::size_t kLanes = sizeof(S) == sizeof(double) ? 2 : 1;
     const auto lane = [&](std::size_t i) __attribute__((always_inline)) {
-      std::array<S, K> sum = {};
-      for (; i < n; i += 2) {
-        step(sum, [&](const auto& f) __attribute__((always_inline)) -> S { return f(all[i]); },
-             S(1));
+      Numbers<S, K> sum = {};
+      for (; i < n; i += kLanes) {
+        step(
+            sum, [&](const auto& f) __attribute__((always_inline)) -> S { return f(all[i]); },
+            S(1));
       }
       return sum;
     };
-    for (std::size_t which = 0; which < 2; ++which) {
-      const std::array<S, K> sum = lane(which);
-      unroll<int(K)>([&](auto k) __attribute__((always_inline)) {
-        total[k] = which == 0 ? sum[k] : total[k] + sum[k];
-      });
+    Numbers<S, K> total = lane(0);
+    if constexpr (kLanes == 2) {
+      const Numbers<S, K> odd = lane(1);
+      unroll<K>([&](auto k) __attribute__((always_inline)) { total[k] += odd[k]; });
     }
+    return total;
   } else {
-    std::array<Pair, K> sum = {};
+    Numbers<Pair, K> sum = {};
     for (std::size_t i = 0; i < n; i += 2) {
       const bool whole = i + 1 < n;
       const auto& even = all[i];
       const auto& odd = all[whole ? i + 1 : i];
-      step(sum,
-           [&](const auto& f) __attribute__((always_inline)) -> Pair { return Pair{f(even), f(odd)}; },
-           Pair{S(1), whole ? S(1) : S(0)});
+      step(
+          sum,
+          [&](const auto& f)
+              __attribute__((always_inline)) -> Pair { return Pair{f(even), f(odd)}; },
+          Pair{S(1), whole ? S(1) : S(0)});
     }
-    unroll<int(K)>(
-        [&](auto k) __attribute__((always_inline)) { total[k] = sum[k][0] + sum[k][1]; });
+    Numbers<S, K> total;
+    unroll<K>([&](auto k) __attribute__((always_inline)) { total[k] = sum[k][0] + sum[k][1]; });
+    return total;
   }
-  return total;
 }
 
 }  // namespace uwbpos

@@ -39,7 +39,7 @@ struct NormalEquations {
   S trace = S(0);                          ///< of J
   /// t with |H(x + s) − H(x)| ≤ t |s| near x; infinite where nobody knows.
   S third = std::numeric_limits<S>::infinity();
-  S chi_squared = S(0);                    ///< what is made small
+  S chi_squared = S(0);  ///< what is made small
 };
 
 /// The third derivative of half of χ² by ranges is at most this times Σ w / d: of h² / 2 it is
@@ -109,7 +109,7 @@ struct Descent {
 template <class S, int N, class Evaluate>
 [[nodiscard]] Result<Minimum<S, N>> minimise(const Evaluate& evaluate, Vec<S, N> state, S rounding,
                                              int max_iterations) {
-  constexpr S kSmallStep = S(1e-8);  // a ten-thousandth of a standard deviation, squared
+  constexpr S kSmallStep = S(1e-8);   // a ten-thousandth of a standard deviation, squared
   constexpr S kSameMatrix = S(1e-6);  // a thousandth, squared
   constexpr S kHopeful = S(1e3);      // what bounds exceed as a rule, squared
   constexpr S kNever = std::numeric_limits<S>::infinity();
@@ -160,11 +160,10 @@ template <class S, int N, class Evaluate>
     // The gain that rounding of every residual pretends, where that is more: less of it for an old
     // H, whose steps leave more. Exact measurements, which leave no χ², are worth exact answers.
     const S noise = normal.trace * rounding * rounding;
-    const S enough = std::max(kSmallStep * std::min(normal.chi_squared, S(1)),
-                              last ? noise / S(16) : noise);
+    const S enough =
+        std::max(kSmallStep * std::min(normal.chi_squared, S(1)), last ? noise / S(16) : noise);
     const S length = squared_norm(step);
-    const bool short_step = (descent.undamped() && gain <= enough) ||
-                            length <= rounding * rounding;
+    const bool short_step = (descent.undamped() && gain <= enough) || length <= rounding * rounding;
     // What an old H leaves of a step, e = H⁻¹ ΔH s, and what the step changes of J.
     const S share = spread * normal.third;
     const bool settled = last && spread * change * change * length <= enough &&

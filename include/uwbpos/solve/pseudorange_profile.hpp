@@ -54,7 +54,7 @@ template <class S, int D, PseudorangeView<S, D> V>
   const S beyond = near - first_residual;
   const S bending = curvature == Curvature::Full ? S(1) : S(0);
 
-  constexpr S kNowhere = S(1e-24);        // [m²], so that a position at an anchor divides by something
+  constexpr S kNowhere = S(1e-24);  // [m²], so that a position at an anchor divides by something
   constexpr int kMean = D * (D + 1) / 2;  // Σ w g', after Σ w g' g'ᵀ + Σ b g gᵀ with b = w e / r
   constexpr int kPull = kMean + D;        // Σ w e' g'
   constexpr int kResidual = kPull + D;    // Σ w e'
@@ -65,7 +65,7 @@ template <class S, int D, PseudorangeView<S, D> V>
   const auto sums = sum_in_lanes<S, kTurn + 1>(
       view, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
         using P = std::remove_cvref_t<decltype(one)>;
-        std::array<P, D> g;
+        Numbers<P, D> g;
         P square = P{} + kNowhere;
         unroll<D>([&](auto k) __attribute__((always_inline)) {
           const P anchor = take([&](const auto& r) { return r.anchor[int(k)]; });
@@ -83,7 +83,7 @@ template <class S, int D, PseudorangeView<S, D> V>
         const P e = ((range - mean) - distance) - first_residual;
         const P turn = weight * inverse;
         const P bend = bending * ((e - beyond) * turn);
-        std::array<P, D> apart;
+        Numbers<P, D> apart;
         unroll<D>([&](auto k) __attribute__((always_inline)) {
           g[k] *= inverse;
           apart[k] = g[k] - first.gradient[int(k)];

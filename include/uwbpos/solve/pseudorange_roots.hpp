@@ -100,7 +100,7 @@ template <class S, int D, PseudorangeView<S, D> V>
         using P = std::remove_cvref_t<decltype(one)>;
         const P range = take([](const auto& r) { return r.range; });
         const P sigma = take([](const auto& r) { return r.sigma; });
-        std::array<P, N> d;
+        Numbers<P, N> d;
         d[D] = -(range - first) - middle[D];
         P q = -(d[D] * d[D]) - offset;
         unroll<D>([&](auto k) __attribute__((always_inline)) {

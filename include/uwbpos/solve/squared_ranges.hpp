@@ -35,8 +35,8 @@ struct SquaredRanges {
                      ///< rounding errors
 };
 
-/// Builds the system from checked ranges: one pass for a place o near c, one for sums about it, from
-/// which those about c follow, with m = c − o. O(n·D²), no allocation.
+/// Builds the system from checked ranges: one pass for a place o near c, one for sums about it,
+/// from which those about c follow, with m = c − o. O(n·D²), no allocation.
 template <class S, int D>
 [[nodiscard]] SquaredRanges<S, D> squared_ranges(RangeSpan<S, D> ranges) {
   const Vec<S, D> first = ranges.front().anchor;
@@ -74,7 +74,7 @@ template <class S, int D>
   const auto sums = sum_in_lanes<S, kWeight + 1>(
       ranges, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
         using P = std::remove_cvref_t<decltype(one)>;
-        std::array<P, D> d;
+        Numbers<P, D> d;
         P square = P{};
         unroll<D>([&](auto k) __attribute__((always_inline)) {
           d[k] = (take([&](const auto& r) { return r.anchor[int(k)]; }) - first[int(k)]) -

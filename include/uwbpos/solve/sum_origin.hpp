@@ -9,8 +9,8 @@
 
 namespace uwbpos {
 
-/// Where sums of weighted points about o lose no digits when they are moved to the weighted mean: at
-/// the plain mean, or at a point that outweighs the others.
+/// Where sums of weighted points about o lose no digits when they are moved to the weighted mean:
+/// at the plain mean, or at a point that outweighs the others.
 template <class S, int N>
 class SumOrigin {
  public:

@@ -20,8 +20,7 @@ namespace uwbpos {
 /// The normal equations of (1) at `position`, relative to `center`. O(n·D²), no allocation.
 template <class S, int D>
 [[nodiscard]] NormalEquations<S, D> pairs_normal(PairSpan<S, D> pairs, const Vec<S, D>& center,
-                                                 const Vec<S, D>& position,
-                                                 Curvature curvature) {
+                                                 const Vec<S, D>& position, Curvature curvature) {
   NormalEquations<S, D> normal;
   S bends = S(0);
   for (const PairDifference<S, D>& d : pairs) {

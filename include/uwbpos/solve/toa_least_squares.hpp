@@ -53,7 +53,7 @@ template <class S, int D>
   const auto sums = sum_in_lanes<S, kSquare + 1>(
       ranges, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
         using P = std::remove_cvref_t<decltype(one)>;
-        std::array<P, D> g;
+        Numbers<P, D> g;
         P square = P{} + kNowhere;
         unroll<D>([&](auto k) __attribute__((always_inline)) {
           const P anchor = take([&](const auto& r) { return r.anchor[int(k)]; });
@@ -110,9 +110,9 @@ template <class S, int D>
                                             const Vec<S, D>& start, S largest, int max_iterations,
                                             const DirectionPrior<S, D>& prior = {}) {
   const auto evaluate = [&](const Vec<S, D>& position, Curvature curvature)
-      __attribute__((always_inline)) {
-    return range_normal<S, D>(ranges, center, position, prior, curvature);
-  };
+                            __attribute__((always_inline)) {
+                              return range_normal<S, D>(ranges, center, position, prior, curvature);
+                            };
   const S rounding = S(4) * std::numeric_limits<S>::epsilon() * largest;
   return minimise<S, D>(evaluate, start, rounding, max_iterations);
 }
