@@ -69,11 +69,11 @@ template <class S, int D, PseudorangeView<S, D> V>
     minimum.position = found->state;
     return minimum;
   };
-  // The root is in its minimum's basin unless noise has sent it astray, which shows in a χ² that is
-  // not believable; then the root refined is tried.
-  Result<PseudorangeMinimum<S, D>> minimum = from(roots.candidates[i]);
+  // The refined root is near its minimum unless noise has sent it astray, which shows in a χ² that
+  // is not believable.
+  Result<PseudorangeMinimum<S, D>> minimum = from(refined_candidate<S, D>(view, roots, i));
   if (!minimum || !is_believable(minimum->profile.normal.chi_squared, freedom)) {
-    const Result<PseudorangeMinimum<S, D>> again = from(refined_candidate<S, D>(view, roots, i));
+    const Result<PseudorangeMinimum<S, D>> again = from(roots.candidates[i]);
     if (!minimum ||
         (again && again->profile.normal.chi_squared < minimum->profile.normal.chi_squared)) {
       minimum = again;
