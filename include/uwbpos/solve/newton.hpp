@@ -132,7 +132,7 @@ template <class S, int N, class Evaluate>
   };
   const auto made_of = [&] { return descent.gauss() ? Curvature::Information : Curvature::Full; };
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    const NormalEquations<S, N> normal = evaluate(trial, curvature);
+    const NormalEquations<S, N>& normal = evaluate(trial, curvature);
     if (!(normal.chi_squared <= allowed)) {
       if (!stepped || !descent.harden()) break;
       again(made_of());

@@ -44,7 +44,8 @@ template <class S, int D, PseudorangeView<S, D> V>
     S lowest = std::numeric_limits<S>::infinity();
     PseudorangeMinimum<S, D> minimum;
     PseudorangeProfile<S, D>& profile = minimum.profile;
-    const auto evaluate = [&](const Vec<S, D>& position, Curvature curvature) {
+    const auto evaluate = [&](const Vec<S, D>& position,
+                              Curvature curvature) -> const NormalEquations<S, D>& {
       minimum.position = position;
       const S near = bias - dot<S, D>(slope, position - at);
       profile = pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position,
