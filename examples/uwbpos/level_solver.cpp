@@ -12,7 +12,8 @@ namespace {
 constexpr int kGrid = 6;           // places on a side
 constexpr double kSettled = 1e-9;  // [m]
 
-NormalEquations<double, 2> normal_at(Pairs pairs, const Vec<double, 3>& position) {
+NormalEquations<double, 2> normal_at(Pairs pairs, const Vec<double, 3>& position,
+                                     Curvature curvature) {
   NormalEquations<double, 2> normal;
   for (const PairDifference<double, 3>& d : pairs) {
     const RangePrediction<double, 3> a = predict_range<double, 3>(position, d.anchor_a);
@@ -22,17 +23,18 @@ NormalEquations<double, 2> normal_at(Pairs pairs, const Vec<double, 3>& position
     const double weight = 1 / (d.sigma * d.sigma);
     const double residual = d.difference - (b.range - a.range);
     const Vec<double, 2> gradient = gb - ga;
-    add_outer(normal.information, gradient, weight);
+    add_outer(normal.matrix, gradient, weight);
+    normal.trace += weight * gradient.squaredNorm();
     normal.gradient += weight * residual * gradient;
     normal.chi_squared += weight * residual * residual;
+    if (curvature == Curvature::Information) continue;
     // The model's curvature in the plane, (I − g gᵀ)/r of each range.
     const double bend_a = a.range > 0 ? -weight * residual / a.range : 0;
     const double bend_b = b.range > 0 ? weight * residual / b.range : 0;
-    add_outer(normal.hessian, ga, bend_a);
-    add_outer(normal.hessian, gb, bend_b);
-    for (int i = 0; i < 2; ++i) normal.hessian(i, i) -= bend_a + bend_b;
+    add_outer(normal.matrix, ga, bend_a);
+    add_outer(normal.matrix, gb, bend_b);
+    for (int i = 0; i < 2; ++i) normal.matrix(i, i) -= bend_a + bend_b;
   }
-  normal.hessian += normal.information;
   return normal;
 }
 
@@ -54,8 +56,8 @@ Result<Fix<double, 2>> locate_level(Pairs pairs, double height,
     }
   }
   const double extent = (high - low).norm();
-  const auto evaluate = [&](const Vec<double, 2>& at) {
-    return normal_at(pairs, {at.x(), at.y(), height});
+  const auto evaluate = [&](const Vec<double, 2>& at, Curvature curvature) {
+    return normal_at(pairs, {at.x(), at.y(), height}, curvature);
   };
   std::optional<Minimum<double, 2>> best;
   std::optional<Minimum<double, 2>> other;
