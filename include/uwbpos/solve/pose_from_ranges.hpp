@@ -25,32 +25,43 @@ namespace uwbpos {
 
 namespace detail {
 
-inline constexpr int kPoseHeadings = 12;
-
 /// The minimum to answer.
 template <class S, int D>
 Result<Minimum<S, D + 1>> lowest_minimum(const PoseProblem<S, D>& problem,
                                          const PoseOptions<S, D>& options, int freedom) {
+  const S rounding = chi_squared_rounding<S>(problem.ranges, problem.largest);
   PoseMinima<S, D> minima;
-  std::optional<HeadingGuess<S>> guess;
-  if (options.heading) guess = {options.heading->value, options.heading->variance};
-  if (!problem.heading.pinned) {
-    const std::optional<HeadingGuess<S>> linear = guess_heading(problem);
-    if (linear && !(guess && guess->variance < linear->variance)) guess = linear;
+  std::optional<HeadingGuess<S>> linear;
+  if (!problem.heading.pinned) linear = guess_heading(problem);
+  std::optional<S> guess;
+  if (options.heading) guess = options.heading->value;
+  if (linear && !(guess && options.heading->variance < linear->variance)) guess = linear->heading;
+  if (guess) descend_at<S, D>(problem, *guess, minima);
+
+  // A heading whose least χ² is so far above the lowest met holds no pose to be answered.
+  const bool by_squares = problem.robust.loss == Loss::Squares;
+  const auto ruled_out = [&](int k) {
+    constexpr S kNeeded = S(30);
+    return by_squares && minima.best &&
+           rules_out(minima.best->chi_squared, least_chi_squared(problem, linear, k), freedom,
+                     kNeeded, rounding);
+  };
+  bool sure = problem.heading.pinned;
+  if (!sure && guess) {
+    // Headings within 60° of the guess are taken to lie in its basin.
+    constexpr S kNear = S(0.5);
+    const Turn<S> at = turn_of(*guess);
+    sure = true;
+    for (int k = 0; k < kPoseHeadings && sure; ++k) {
+      const Turn<S>& turn = kPoseTurns<S>[static_cast<std::size_t>(k)];
+      const bool near = at.cosine * turn.cosine + at.sine * turn.sine > kNear;
+      sure = near || ruled_out(k);
+    }
   }
-  if (guess) descend_at<S, D>(problem, guess->heading, minima);
-  const bool sure =
-      problem.heading.pinned || (guess && minima.best && problem.robust.loss == Loss::Squares &&
-                                 is_sure(*guess, minima.best->chi_squared, freedom));
   for (int k = 0; k < kPoseHeadings && !sure; ++k) {
-    const S turn = S(2) * std::numbers::pi_v<S> * static_cast<S>(k) / S(kPoseHeadings);
-    descend_at<S, D>(problem, turn, minima);
+    if (!ruled_out(k)) descend_at<S, D>(problem, pose_heading<S>(k), minima);
   }
-  // Where the linear system has c and s to within half the circle's radius there are no images,
-  // only noise: the lowest minimum is the likeliest pose.
-  const bool level = D == 2 || problem.height.pinned;
-  const bool determined = level && guess && guess->variance < S(0.25);
-  if (!minima.best || !minima.other || determined) return minima.best;
+  if (!minima.best || !minima.other) return minima.best;
 
   // Beside each other on the circle, relative to the anchors' centre, the images are compared.
   const S circle = S(2) * std::numbers::pi_v<S> * problem.arm;
@@ -58,7 +69,6 @@ Result<Minimum<S, D + 1>> lowest_minimum(const PoseProblem<S, D>& problem,
   minima.other->state[D] = minima.best->state[D] + apart;
   LocateOptions<S, D> relative{options.side, options.prior};
   if (relative.prior) *relative.prior -= problem.center;
-  const S rounding = chi_squared_rounding<S>(problem.ranges, problem.largest);
   return settle_images<S, D, D + 1>(minima.best, minima.other, relative, freedom, problem.largest,
                                     rounding);
 }
