@@ -20,7 +20,8 @@ namespace uwbpos::detail {
 
 inline constexpr int kPoseIterations = 50;
 
-/// The lowest minimum met, and the lowest of the others that noise does not make one with it.
+/// The lowest minimum met, and the lowest of the others: those four standard deviations away or
+/// more. Nearer ones, as beside an anchor, the covariance covers.
 template <class S, int D>
 struct PoseMinima {
   Result<Minimum<S, D + 1>> best = std::unexpected(Error::DegenerateGeometry);
@@ -35,7 +36,7 @@ struct PoseMinima {
       const S near = S(1e-3) * problem.largest;
       if (squared_norm(apart) <= near * near) return true;
       const Vec<S, D + 1> scaled = symmetric_from_lower(kept->information) * apart;
-      return dot(apart, scaled) < S(1);  // as settle_images has it
+      return dot(apart, scaled) < S(16);
     };
     if (!best || found.chi_squared < best->chi_squared) {
       if (!same(best)) other = best;
@@ -58,7 +59,10 @@ void descend_at(const PoseProblem<S, D>& problem, S heading, PoseMinima<S, D>& m
     storage[n++] = {r.anchor - problem.center - turned<S, D>(turn, r.lever_arm), r.range, r.sigma};
   }
   const Result<ToaRoots<S, D>> roots = toa_roots<S, D>(RangeSpan<S, D>{storage.data(), n});
-  if (!roots) return;
+  if (!roots) {
+    if (!minima.best) minima.best = std::unexpected(roots.error());
+    return;
+  }
   const S rounding = S(4) * std::numeric_limits<S>::epsilon() * problem.largest;
   const auto evaluate = [&](const Vec<S, D + 1>& state) {
     return pose_normal<S, D>(problem, state);
