@@ -36,7 +36,8 @@ struct Target {
 /// while the distance is some standard deviations of the position or more. One arctangent, one
 /// root; no allocation.
 /// Errors: Error::NotFinite; Error::InvalidCovariance; Error::BearingUndefined, a target on the
-/// robot, to rounding; Error::NumericOverflow.
+/// robot, to rounding or because the position's error across gives the bearing more variance than
+/// any direction at all has; Error::NumericOverflow.
 template <class S>
 [[nodiscard]] Result<Target<S>> bearing_to(const Pose2<S>& pose,
                                            const std::type_identity_t<Vec<S, 2>>& target) {
@@ -62,6 +63,9 @@ template <class S>
     }
     return std::max(sum, S(0));
   };
+  if (variance({aside[0], aside[1], S(0)}) > kAnyDirectionVariance<S>) {
+    return std::unexpected(Error::BearingUndefined);
+  }
   seen.distance_variance = variance(along);
   seen.bearing_variance = variance(aside);
   if (!std::isfinite(seen.distance_variance) || !std::isfinite(seen.bearing_variance)) {
