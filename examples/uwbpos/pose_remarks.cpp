@@ -151,12 +151,12 @@ double misfit_of(const Body& body) {
 
 std::vector<std::string> pose_remarks(const Site& site, const Replay& replay) {
   std::vector<std::string> said;
+  if (const auto arm = arm_remark(site)) said.push_back(*arm);
   if (!replay.body) {
     if (const auto why = why_no_pose(site, replay)) said.push_back(*why);
     return said;
   }
   const Body& body = *replay.body;
-  if (const auto arm = arm_remark(site)) said.push_back(*arm);
   if (body.chosen_by_prior > 0) {
     said.push_back(fmt::format("{} settled between two poses by the body's last position.",
                                count_of(body.chosen_by_prior, "epoch")));

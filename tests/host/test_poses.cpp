@@ -199,7 +199,7 @@ TEST_CASE("What keeps a recording from poses, or from fitting them, is said") {
   // Millimetres: the longest arm would be half a kilometre.
   site.tags = right;
   for (auto& [tag, arm] : site.tags) arm *= 1000;
-  CHECK(says("The lever arm of tag 7 is 447.2 m long, and the anchors are 12.82 m apart at most"));
+  CHECK(says("The lever arm of tag 7 is 447.2 m long, and the anchors are 12.81 m apart at most"));
   site.tags = {{0, {0.1, 0, 0.2}}, {1, {0.1, 0, -0.2}}};
   CHECK(says("one place in plan"));
   site.tags = right;
