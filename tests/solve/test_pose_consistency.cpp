@@ -115,7 +115,7 @@ TEST_CASE("with more anchors the same mistakes leave more to see") {
   std::vector<Vec<double, 2>> around;
   for (int k = 0; k < 12; ++k) {
     const double angle = k * std::numbers::pi / 6;
-    around.push_back({5 + 6 * std::cos(angle), 4 + 6 * std::sin(angle)});
+    around.emplace_back(5 + 6 * std::cos(angle), 4 + 6 * std::sin(angle));
   }
   Ranges ranges = test::tag_ranges<double, 2>(kPlace, kHeading, kArms, around);
   for (auto& r : ranges) r.lever_arm *= 2;

@@ -173,7 +173,7 @@ TEST_CASE_TEMPLATE("the linear system's χ² of a heading is a lower bound of an
     if (!guess) continue;
     for (int k = 0; k < 12; ++k) {
       const S heading = S(2) * std::numbers::pi_v<S> * S(k) / S(12);
-      const double bound = static_cast<double>(guess->least_chi_squared(turn_of(heading)));
+      const auto bound = static_cast<double>(guess->least_chi_squared(turn_of(heading)));
       const auto known = solve_pose(ranges, {.heading = Measured<S>{heading, S(0)}});
       if (!known || !(known->chi_squared < S(60))) continue;
       ++compared;
