@@ -121,9 +121,9 @@ template <TagRangeSet R>
 ///
 /// A mistake shows in χ² by the part of it that no pose takes up; with that part's λ, the χ² of the
 /// answer is noncentral. Two tags 0.6 m apart and four anchors around, σ 0.1 m: a baseline given as
-/// 1 m has λ = 14 and is refused one time in fifty, as 1.5 m λ = 70 and 98 in a hundred; a range
-/// 1 m late likewise. A tag 0.6 m further forward than it is given looks like another heading but
-/// for λ = 5, and tags exchanged wholly: no test of the ranges sees those.
+/// 1 m has λ = 14 and is refused one time in a hundred, as 1.5 m λ = 70 and 98 in a hundred; a
+/// range 1 m late likewise. A tag 0.6 m further forward than it is given looks like another heading
+/// but for λ = 5, and tags exchanged wholly: no test of the ranges sees those.
 template <TagRangeSet R>
 [[nodiscard]] auto pose_from_ranges(
     const R& ranges,
