@@ -222,7 +222,9 @@ void settle_solving(const CLI::App& app, Arguments& a) {
   settle(app, a);
   Settings& s = a.settings;
   if (app.count("--epoch-window") > 0) s.epoch_window = a.epoch_window;
-  if (app.count("--velocity") > 0) s.velocity = a.velocity.empty() ? 1 : std::stod(a.velocity);
+  if (app.count("--velocity") > 0) {
+    s.velocity = a.velocity.empty() ? 1 : std::strtod(a.velocity.c_str(), nullptr);
+  }
   if (!a.prior.empty()) {
     s.prior = Vec3{a.prior[0], a.prior[1], a.prior.size() > 2 ? a.prior[2] : 0};
   }

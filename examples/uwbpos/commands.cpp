@@ -13,6 +13,7 @@
 #include "filtering.hpp"
 #include "network_bias.hpp"
 #include "output.hpp"
+#include "pose_remarks.hpp"
 #include "progress.hpp"
 #include "report.hpp"
 #include "summary.hpp"
@@ -47,11 +48,15 @@ void write_motion(const Settings& settings, const Replay& result) {
     write_file(settings.out / "twists.csv", twists_csv(twists));
     fmt::print("{}, over {:g} s each: twists.csv\n", count_of(twists.size(), "twist"),
                *settings.velocity);
+    if (const auto why = twist_remark(*result.body, *settings.velocity)) print_remarks({*why});
   }
   if (settings.target) {
     const std::vector<SeenTarget> seen = targets_seen(*result.body, *settings.target);
     write_file(settings.out / "target.csv", target_csv(seen));
+    const auto unseen = target_remark(*result.body, *settings.target);
+    if (unseen && seen.empty()) throw Failure{*unseen};
     fmt::print("{}\n", target_table(seen, *settings.target));
+    if (unseen) print_remarks({*unseen});
   }
 }
 

@@ -8,9 +8,12 @@
 #include <set>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "uwbpos/model/lever_arm.hpp"
+#include "uwbpos/solve/pose_options.hpp"
 
+#include "reasons.hpp"
 #include "recording.hpp"
 #include "statistics.hpp"
 
@@ -80,6 +83,64 @@ std::optional<TagDistance> oddest_tag_distance(const Points& tags, const Body& b
   return oddest;
 }
 
+std::optional<std::string> arm_remark(const Site& site) {
+  double apart = 0;
+  for (const auto& [first, a] : site.anchors) {
+    for (const auto& [second, b] : site.anchors) apart = std::max(apart, (a - b).norm());
+  }
+  std::optional<Id> longest;
+  double length = apart;
+  for (const auto& [tag, arm] : site.tags) {
+    if (!(arm.norm() > length)) continue;
+    longest = tag;
+    length = arm.norm();
+  }
+  if (!longest) return std::nullopt;
+  return fmt::format(
+      "The lever arm of tag {} is {:.4g} m long, and the anchors are {:.4g} m apart at most: the "
+      "tags file has metres from the body's origin.",
+      *longest, length, apart);
+}
+
+std::optional<std::string> twist_remark(const Body& body, double span) {
+  if (!twists_of(body, span).empty()) return std::nullopt;
+  if (body.track.size() < 2) {
+    return fmt::format("No twist: it takes two poses, and there is {}.",
+                       body.track.empty() ? "none" : "one");
+  }
+  const double lasts = body.track.back().t - body.track.front().t;
+  if (lasts < span) {
+    return fmt::format(
+        "No twist: --velocity asks for poses {:g} s apart, and all are within {:g} s.", span,
+        lasts);
+  }
+  double shortest = lasts;
+  for (std::size_t i = 1; i < body.track.size(); ++i) {
+    const double step = body.track[i].t - body.track[i - 1].t;
+    if (step > 0) shortest = std::min(shortest, step);
+  }
+  return fmt::format(
+      "No twist: --velocity asks for poses {:g} to {:g} s apart, and there are none; the nearest "
+      "are {:g} s apart.",
+      span, 2 * span, shortest);
+}
+
+std::optional<std::string> target_remark(const Body& body, const Vec<double, 2>& target) {
+  Counts reasons;
+  for (const SolvedPose& p : body.track) {
+    const auto seen = bearing_to(in_plan(p.pose), target);
+    if (!seen) ++reasons[std::string{reason_name(seen.error())}];
+  }
+  if (reasons.empty()) return std::nullopt;
+  std::vector<std::string> parts;
+  for (const auto& [name, count] : reasons) {
+    parts.push_back(fmt::format("{} of {}: {}", count, count_of(body.track.size(), "pose"),
+                                reason_words(name)));
+  }
+  return fmt::format("The target at ({:g}, {:g}) m has no distance and bearing from {}.",
+                     target.x(), target.y(), fmt::join(parts, ", "));
+}
+
 double misfit_of(const Body& body) {
   std::vector<double> ratios;
   for (const SolvedPose& p : body.track) {
@@ -90,6 +151,7 @@ double misfit_of(const Body& body) {
 
 std::vector<std::string> pose_remarks(const Site& site, const Replay& replay) {
   std::vector<std::string> said;
+  if (const auto arm = arm_remark(site)) said.push_back(*arm);
   if (!replay.body) {
     if (const auto why = why_no_pose(site, replay)) said.push_back(*why);
     return said;

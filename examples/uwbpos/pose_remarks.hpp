@@ -27,6 +27,16 @@ struct TagDistance {
 /// Median of χ² over its degrees of freedom, of the epochs that have any; 0 of none.
 [[nodiscard]] double misfit_of(const Body& body);
 
+/// A lever arm longer than the anchors are apart, as of a tags file in other units.
+[[nodiscard]] std::optional<std::string> arm_remark(const Site& site);
+
+/// Why no two poses give a twist over `span` [s], where none do.
+[[nodiscard]] std::optional<std::string> twist_remark(const Body& body, double span);
+
+/// How many poses do not see the target, and why.
+[[nodiscard]] std::optional<std::string> target_remark(const Body& body,
+                                                       const Vec<double, 2>& target);
+
 /// One sentence each.
 [[nodiscard]] std::vector<std::string> pose_remarks(const Site& site, const Replay& replay);
 

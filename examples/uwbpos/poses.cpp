@@ -359,7 +359,10 @@ std::string target_table(const std::vector<SeenTarget>& seen, const Vec<double, 
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t place = count == 1 ? 0 : i * (seen.size() - 1) / (count - 1);
     const auto& [t, at] = seen[place];
-    text += fmt::format("{:>12.3f}{:>14.3f}{:>8.3f}{:>16.1f}{:>8.1f}   {}\n", t, at.distance,
+    // Beyond a thousand kilometres in as many digits as a column has.
+    const std::string distance =
+        at.distance < 1e6 ? fmt::format("{:.3f}", at.distance) : fmt::format("{:.6g}", at.distance);
+    text += fmt::format("{:>12.3f}{:>14}{:>8.3f}{:>16.1f}{:>8.1f}   {}\n", t, distance,
                         std::sqrt(at.distance_variance), radians_to_degrees(at.bearing),
                         radians_to_degrees(std::sqrt(at.bearing_variance)),
                         at.ahead ? "ahead" : "behind");

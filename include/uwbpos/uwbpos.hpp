@@ -90,6 +90,7 @@
 #include "uwbpos/solve/mirror_choice.hpp"
 #include "uwbpos/solve/newton.hpp"
 #include "uwbpos/solve/pair_potentials.hpp"
+#include "uwbpos/solve/pose_choice.hpp"
 #include "uwbpos/solve/pose_from_ranges.hpp"
 #include "uwbpos/solve/pose_minima.hpp"
 #include "uwbpos/solve/pose_normal.hpp"

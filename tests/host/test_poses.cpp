@@ -127,6 +127,29 @@ TEST_CASE("A target is seen from every pose, ahead and behind") {
   CHECK(std::ranges::any_of(far, [](const SeenTarget& s) { return !s.target.ahead; }));
 }
 
+TEST_CASE("No twists, and poses from which a target is not seen, are explained") {
+  const Site site = circle_site();
+  Settings settings;
+  settings.height = 1;
+  const Replay result = replay(settings, site, exact_readings(site));
+  REQUIRE(result.body);
+  const Body& body = *result.body;
+  CHECK_FALSE(twist_remark(body, 1));
+  const auto says = [](const std::optional<std::string>& said, const char* words) {
+    CAPTURE(said.value_or("nothing"));
+    return said && said->contains(words);
+  };
+  CHECK(says(twist_remark(body, 1e9), "asks for poses 1e+09 s apart, and all are within 11.9 s"));
+  CHECK(says(twist_remark(body, 1e-9), "1e-09 to 2e-09 s apart, and there are none; the nearest"));
+  CHECK(says(twist_remark(Body{}, 1), "takes two poses, and there is none"));
+
+  CHECK_FALSE(target_remark(body, {5, 4}));
+  CHECK(says(target_remark(body, {1e308, 1e308}), "120 of 120 poses: the numbers are too large"));
+  const Vec<double, 2> on_robot = body.track[7].pose.position.head<2>();
+  CHECK(says(target_remark(body, on_robot), " of 120 poses: "));
+  CHECK(targets_seen(body, on_robot).size() > 100);
+}
+
 TEST_CASE("Tags that take turns within a round are one epoch; tags never heard together are not") {
   const Site site = circle_site();
   Settings settings;
@@ -173,6 +196,10 @@ TEST_CASE("What keeps a recording from poses, or from fitting them, is said") {
   for (auto& [tag, arm] : site.tags) arm.head<2>() *= 2;
   CHECK(says("0.60 m apart, by the tags file 1.20 m"));
   CHECK(says("times worse than their sigma"));
+  // Millimetres: the longest arm would be half a kilometre.
+  site.tags = right;
+  for (auto& [tag, arm] : site.tags) arm *= 1000;
+  CHECK(says("The lever arm of tag 7 is 447.2 m long, and the anchors are 12.81 m apart at most"));
   site.tags = {{0, {0.1, 0, 0.2}}, {1, {0.1, 0, -0.2}}};
   CHECK(says("one place in plan"));
   site.tags = right;
@@ -250,6 +277,10 @@ TEST_CASE("lias/mid: velocities, a target, files and report") {
                             "rmse of the heading", "<td>body</td>", "uwbpos calibrate finds"}) {
     CHECK(report.find(title) != std::string::npos);
   }
+  // A target out of all bounds is an error, a span without poses is not.
+  auto absurd = arguments("target", *lias, *lias / "mid" / "ranges.csv", "mid", files.path("out"));
+  absurd.insert(absurd.end(), {"--x", "1e308", "--y", "0", "--velocity", "1e-320"});
+  CHECK(run_with(absurd) == kBadInput);
   // One tag has no velocity that poses would give.
   words.insert(words.end(), {"--tag", "1"});
   CHECK(run_with(words) == kBadInput);

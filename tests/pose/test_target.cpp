@@ -91,4 +91,18 @@ TEST_CASE_TEMPLATE("a target on the robot, and what is no pose, are refused by n
   CHECK(bearing_to(bad, Vec<S, 2>{3, 2}).error() == Error::InvalidCovariance);
 }
 
+TEST_CASE_TEMPLATE("a target within the position's own error has no bearing", S, float, double) {
+  Pose2<S> pose{{1, 2}, S(0.3), Mat<S, 3>::Zero()};
+  pose.covariance.diagonal() << S(0.01), S(0.01), S(0.001);
+  // (0.1 m / r)² is π²/3 at r = 5.5 cm.
+  CHECK(bearing_to(pose, Vec<S, 2>{S(1.05), 2}).error() == Error::BearingUndefined);
+  CHECK(bearing_to(pose, Vec<S, 2>{S(1.06), 2}));
+  // Errors along the line of sight alone leave the bearing.
+  pose.covariance(1, 1) = S(0);
+  CHECK(bearing_to(pose, Vec<S, 2>{S(1.05), 2}));
+  // A heading of which nothing is known leaves the distance.
+  pose.covariance(2, 2) = S(100);
+  CHECK(bearing_to(pose, Vec<S, 2>{S(3), 2})->distance == S(2));
+}
+
 }  // namespace tests::pose_target

@@ -86,6 +86,7 @@ void check_hall(const char* name, const std::vector<Vec<double, 2>>& anchors, in
   double worst_gain = 0;
   Vec<double, 2> where = Vec<double, 2>::Zero();
   int cells = 0;
+  int refused = 0;
   for (int i = 0; i < 5; ++i) {
     for (int j = 0; j < 5; ++j) {
       for (int k = 0; k < 8; ++k) {
@@ -99,7 +100,11 @@ void check_hall(const char* name, const std::vector<Vec<double, 2>>& anchors, in
         for (int draw = 0; draw < draws; ++draw) {
           const auto ranges = test::noisy<double, 2>(random, scene.ranges);
           const auto pose = pose_from_ranges(ranges);
-          REQUIRE(pose);
+          if (!pose) {
+            CHECK(pose.error() == Error::AmbiguousSolution);
+            ++refused;
+            continue;
+          }
           const Vec<double, 3> linear = linear_error(scene, ranges, *bound);
           add(of_joint, *pose, linear, scene);
           add(of_steps, two_steps(ranges), linear, scene);
@@ -126,7 +131,9 @@ void check_hall(const char* name, const std::vector<Vec<double, 2>>& anchors, in
     }
   }
   const double n = cells;
-  nees /= n * draws;
+  nees /= n * draws - refused;
+  // Half a metre from an anchor noise may leave two headings some 60° apart.
+  CHECK(refused <= n * draws / 5000);
   MESSAGE(std::string{name}, ": squared error over the bound, all at once: position ",
           joint.position / n, ", heading ", joint.heading / n,
           "; a fix per tag and the arctangent: position ", steps.position / n, ", heading ",

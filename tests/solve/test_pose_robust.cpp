@@ -29,6 +29,7 @@ Errors run(Loss loss, double blocked) {
   sim::Random random{"robust poses"};
   Errors errors;
   constexpr int draws = 300;
+  int refused = 0;
   for (int i = 0; i < draws; ++i) {
     const Vec<double, 2> place{random.uniform(2, 8), random.uniform(2, 6)};
     const double heading = random.uniform(-3.1, 3.1);
@@ -39,7 +40,12 @@ Errors run(Loss loss, double blocked) {
     }
     // With squares `pose_from_ranges` would refuse most of these.
     const auto fix = solve_pose(ranges, {.robust = {loss}});
-    REQUIRE(fix);
+    if (!fix) {
+      // Outliers that two headings explain alike, mostly to squares; left out.
+      CHECK(fix.error() == Error::AmbiguousSolution);
+      ++refused;
+      continue;
+    }
     const Pose2<double>* pose = &fix->pose;
     const double turn = angle_difference(pose->heading, heading);
     errors.position += squared_norm<double, 2>(pose->position - place) / draws;
@@ -49,6 +55,7 @@ Errors run(Loss loss, double blocked) {
                                                   pose->covariance, {place[0], place[1], 0}) /
         draws;
   }
+  CHECK(refused <= (loss == Loss::Squares ? draws / 50 : draws / 100));
   return {std::sqrt(errors.position), std::sqrt(errors.heading), errors.nees};
 }
 

@@ -35,6 +35,11 @@ template <class S>
   return wrap_angle(to - from);
 }
 
+/// The variance of a direction of which nothing is known, π²/3 [rad²]: no estimate of one says
+/// anything beyond it.
+template <class S>
+inline constexpr S kAnyDirectionVariance = std::numbers::pi_v<S> * std::numbers::pi_v<S> / S(3);
+
 /// Degrees in radians.
 template <class S>
 [[nodiscard]] constexpr S degrees_to_radians(S degrees) {

@@ -36,7 +36,8 @@ struct Target {
 /// while the distance is some standard deviations of the position or more. One arctangent, one
 /// root; no allocation.
 /// Errors: Error::NotFinite; Error::InvalidCovariance; Error::BearingUndefined, a target on the
-/// robot, to rounding; Error::NumericOverflow.
+/// robot, to rounding or because the position's error across gives the bearing more variance than
+/// any direction at all has; Error::NumericOverflow.
 template <class S>
 [[nodiscard]] Result<Target<S>> bearing_to(const Pose2<S>& pose,
                                            const std::type_identity_t<Vec<S, 2>>& target) {
@@ -53,17 +54,17 @@ template <class S>
   seen.distance = distance;
   seen.bearing = wrap_angle(direction_of(offset[0], offset[1]) - pose.heading);
   seen.ahead = std::abs(seen.bearing) <= std::numbers::pi_v<S> / 2;
-  const Vec<S, 3> along{-offset[0] / distance, -offset[1] / distance, S(0)};
-  const Vec<S, 3> aside{-along[1] / distance, along[0] / distance, S(-1)};
-  const auto variance = [&](const Vec<S, 3>& row) {
-    S sum = S(0);
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) sum += row[i] * pose.covariance(i, j) * row[j];
-    }
-    return std::max(sum, S(0));
+  const Vec<S, 2> along{-offset[0] / distance, -offset[1] / distance};
+  const Vec<S, 2> aside{-along[1] / distance, along[0] / distance};
+  const Mat<S, 3>& c = pose.covariance;
+  const auto variance = [&](const Vec<S, 2>& row) {
+    return row[0] * (row[0] * c(0, 0) + row[1] * (c(0, 1) + c(1, 0))) + row[1] * row[1] * c(1, 1);
   };
-  seen.distance_variance = variance(along);
-  seen.bearing_variance = variance(aside);
+  const S across = variance(aside);
+  if (across > kAnyDirectionVariance<S>) return std::unexpected(Error::BearingUndefined);
+  const S turning = aside[0] * (c(0, 2) + c(2, 0)) + aside[1] * (c(1, 2) + c(2, 1));
+  seen.distance_variance = std::max(variance(along), S(0));
+  seen.bearing_variance = std::max(across - turning + c(2, 2), S(0));
   if (!std::isfinite(seen.distance_variance) || !std::isfinite(seen.bearing_variance)) {
     return std::unexpected(Error::NumericOverflow);
   }

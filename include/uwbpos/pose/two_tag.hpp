@@ -11,10 +11,13 @@
 /// With n the unit vector from L to R, t = n turned by +90° and independent errors of covariance
 /// \f$ C_L, C_R \f$, to first order
 /// \f[ \operatorname{cov} c = \tfrac14 (C_L + C_R), \qquad
-///     \operatorname{var} \psi = t^T (C_L + C_R)\, t / d^2, \qquad
-///     \operatorname{cov}(c, \psi) = (C_R - C_L)\, t / 2d. \qquad (3) \f]
-/// Where the tags' ranges are at hand, `pose_from_ranges` makes more of them: it solves all at once
-/// and uses d as knowledge instead of testing it.
+///     \operatorname{var} \psi = t^T (C_L + C_R)\, t / b^2, \qquad
+///     \operatorname{cov}(c, \psi) = (C_R - C_L)\, t / 2b, \qquad
+///     b^2 = d\, |R - L|. \qquad (3) \f]
+/// b is d but for noise: the direction of a vector of known length d and isotropic error of
+/// variance s² has von Mises' density, of concentration d |R − L| / s². Tags that noise brought
+/// together say little of the heading. Where the tags' ranges are at hand, `pose_from_ranges` makes
+/// more of them: it solves all at once and uses d as knowledge instead of testing it.
 
 #include <algorithm>
 #include <cmath>
@@ -54,10 +57,11 @@ S variance_along(const Vec<S, 2>& v, const Mat<S, 2>& c) {
 /// The pose of the robot whose front carries `left` and `right`, in their frame; `baseline` is the
 /// tags' distance on the robot [m]. The tags' errors are taken as independent; of a `Fix` only
 /// position [m] and covariance [m²] are used, and a covariance of zeros is exact knowledge.
-/// One arctangent, two roots; no allocation.
+/// One arctangent, seven roots; no allocation.
 ///
 /// Errors: Error::NotFinite; Error::InvalidOption, a baseline that is not above zero;
-/// Error::InvalidCovariance; Error::HeadingUndetermined, tags in one place;
+/// Error::InvalidCovariance; Error::HeadingUndetermined, tags in one place, or for their noise so
+/// near each other that the variance exceeds that of any direction at all;
 /// Error::BaselineMismatch, the measured distance departs from the baseline by more than five
 /// standard deviations along it, what five across it add, and rounding; Error::NumericOverflow.
 template <class S>
@@ -99,12 +103,14 @@ template <class S>
   const S across_y = (r(1, 0) - l(1, 0)) * t[0] + (r(1, 1) - l(1, 1)) * t[1];
   const S x = S(0.25) * sum(0, 0);
   const S y = S(0.25) * sum(1, 1);
-  const S turn = aside / (baseline * baseline);
-  if (!std::isfinite(x + y + turn)) return refuse(Error::NumericOverflow);
+  const S turn = aside / (baseline * length);
+  if (!std::isfinite(x + y)) return refuse(Error::NumericOverflow);
+  if (!(turn <= kAnyDirectionVariance<S>)) return refuse(Error::HeadingUndetermined);
   const Vec<S, 3> sigma{std::sqrt(x), std::sqrt(y), std::sqrt(turn)};
   const S xy = bounded(S(0.25) * sum(1, 0), sigma[0], sigma[1]);
-  const S x_turn = bounded(across_x * half, sigma[0], sigma[2]);
-  const S y_turn = bounded(across_y * half, sigma[1], sigma[2]);
+  const S inverse = S(0.5) / std::sqrt(baseline * length);
+  const S x_turn = bounded(across_x * inverse, sigma[0], sigma[2]);
+  const S y_turn = bounded(across_y * inverse, sigma[1], sigma[2]);
   pose.covariance << x, xy, x_turn, xy, y, y_turn, x_turn, y_turn, turn;  // (3)
   return pose;
 }

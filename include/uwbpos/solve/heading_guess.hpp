@@ -12,7 +12,11 @@
 /// \f[ d^T p + (d_x l_x + d_y l_y)\, c + (d_y l_x - d_x l_y)\, s =
 ///     \tfrac12 \left( |a|^2 - \rho^2 - \overline{|a|^2 - \rho^2} \right) - d_z l_z. \qquad (1) \f]
 /// The variance of its right-hand side is \f$ \rho^2 \sigma^2 + \sigma^4 / 2 \f$. That c² + s² = 1
-/// is left to the descent; here it tells whether the answer can be trusted.
+/// is left to the descent. As |p + R l|² is free, the system's own χ² of a heading, least over p,
+/// \f[ q(\psi) = q_0 + (u - \hat u)^T \Lambda\, (u - \hat u), \qquad u = (c, s), \qquad (2) \f]
+/// with Λ the information that (1) holds on u, û its solution and q₀ its χ² there, is to first
+/// order a lower bound of the χ² of every pose with that heading: it rules headings out without a
+/// descent.
 
 #include <algorithm>
 #include <array>
@@ -26,11 +30,23 @@
 
 namespace uwbpos {
 
-/// A heading, and how sure it is.
+/// What (1) says of the heading.
 template <class S>
 struct HeadingGuess {
-  S heading;   ///< [rad]
-  S variance;  ///< of c or s, whichever is greater, to first order [rad²]
+  S heading;    ///< [rad]
+  S variance;   ///< of c or s, whichever is greater, next to the radius squared, to first order
+  Vec<S, 2> u;  ///< û
+  S least;      ///< q₀, less what rounding may add
+  S xx = S(0);  ///< Λ: of c; 0 where rounding leaves nothing
+  S xy = S(0);  ///< Λ: between c and s
+  S yy = S(0);  ///< Λ: of s
+
+  /// (2). O(1).
+  [[nodiscard]] S least_chi_squared(const Turn<S>& turn) const {
+    const S c = turn.cosine - u[0];
+    const S s = turn.sine - u[1];
+    return least + xx * c * c + S(2) * xy * c * s + yy * s * s;
+  }
 };
 
 /// (1) of checked ranges, or nothing where it does not determine a heading: too few ranges of one
@@ -76,6 +92,7 @@ template <class S, int D>
 
   Mat<S, N> normal = Mat<S, N>::Zero();
   Vec<S, N> rhs = Vec<S, N>::Zero();
+  S square = S(0);
   for (std::size_t i = 0; i < problem.ranges.size(); ++i) {
     const TagRange<S, D>& r = problem.ranges[i];
     const Group& group = groups[group_of[i]];
@@ -95,16 +112,34 @@ template <class S, int D>
     const S weight = weight_of(r);
     add_outer(normal, row, weight);
     rhs += (weight * right) * row;
+    square += weight * right * right;
   }
 
-  const auto finish = [](const auto& factor, const auto& b) -> std::optional<HeadingGuess<S>> {
+  const auto finish = [square](const auto& factor,
+                               const auto& b) -> std::optional<HeadingGuess<S>> {
     const auto solution = factor.solve(b);
     const auto covariance = factor.inverse();
     const S c = solution[2];
     const S s = solution[3];
     const S variance = std::max(covariance(2, 2), covariance(3, 3));
+    const S xx = covariance(2, 2);
+    const S xy = covariance(3, 2);
+    const S yy = covariance(3, 3);
+    constexpr S kLost = S(64) * std::numeric_limits<S>::epsilon();
+    const S lost = kLost * square;
+    const S of_c = xx - xy * (xy / yy);
+    const S of_s = yy - xy * (xy / xx);
     if (!std::isfinite(c) || !std::isfinite(s) || !std::isfinite(variance)) return std::nullopt;
-    return HeadingGuess<S>{arctangent(s, c), variance / std::max(c * c + s * s, S(1e-6))};
+    HeadingGuess<S> guess{arctangent(s, c),
+                          variance / std::max(c * c + s * s, S(1e-6)),
+                          {c, s},
+                          std::max(square - dot(b, solution) - lost, S(0))};
+    if (of_c > S(0) && of_s > S(0)) {
+      guess.xx = S(1) / of_c;
+      guess.xy = -(xy / yy) / of_c;
+      guess.yy = S(1) / of_s;
+    }
+    return guess;
   };
   if constexpr (D == 3) {
     const Ldlt<S, N> whole{normal};

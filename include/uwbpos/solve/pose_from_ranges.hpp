@@ -8,10 +8,7 @@
 /// with the lever arms l, and so the distances between the tags, as knowledge. Source: posture of a
 /// mobile robot from two UWB tags (002), which locates each tag and then takes the arctangent.
 ///
-/// The descent of pose_minima.hpp starts at the heading that the caller knows, at that of the
-/// linear system of heading_guess.hpp where it is sure, or else at every direction in turn; the
-/// minima found are compared, and one is answered only where the ranges, or the caller, tell it
-/// from its images: mirrored, or turned by 180°.
+/// The descents are those of pose_minima.hpp; pose_choice.hpp tells which minimum to answer.
 
 #include <algorithm>
 #include <cmath>
@@ -19,49 +16,11 @@
 #include <numbers>
 
 #include "uwbpos/core/chi_squared.hpp"
-#include "uwbpos/solve/pose_minima.hpp"
+#include "uwbpos/solve/pose_choice.hpp"
 
 namespace uwbpos {
 
 namespace detail {
-
-inline constexpr int kPoseHeadings = 12;
-
-/// The minimum to answer.
-template <class S, int D>
-Result<Minimum<S, D + 1>> lowest_minimum(const PoseProblem<S, D>& problem,
-                                         const PoseOptions<S, D>& options, int freedom) {
-  PoseMinima<S, D> minima;
-  std::optional<HeadingGuess<S>> guess;
-  if (options.heading) guess = {options.heading->value, options.heading->variance};
-  if (!problem.heading.pinned) {
-    const std::optional<HeadingGuess<S>> linear = guess_heading(problem);
-    if (linear && !(guess && guess->variance < linear->variance)) guess = linear;
-  }
-  if (guess) descend_at<S, D>(problem, guess->heading, minima);
-  const bool sure =
-      problem.heading.pinned || (guess && minima.best && problem.robust.loss == Loss::Squares &&
-                                 is_sure(*guess, minima.best->chi_squared, freedom));
-  for (int k = 0; k < kPoseHeadings && !sure; ++k) {
-    const S turn = S(2) * std::numbers::pi_v<S> * static_cast<S>(k) / S(kPoseHeadings);
-    descend_at<S, D>(problem, turn, minima);
-  }
-  // Where the linear system has c and s to within half the circle's radius there are no images,
-  // only noise: the lowest minimum is the likeliest pose.
-  const bool level = D == 2 || problem.height.pinned;
-  const bool determined = level && guess && guess->variance < S(0.25);
-  if (!minima.best || !minima.other || determined) return minima.best;
-
-  // Beside each other on the circle, relative to the anchors' centre, the images are compared.
-  const S circle = S(2) * std::numbers::pi_v<S> * problem.arm;
-  const S apart = std::remainder(minima.other->state[D] - minima.best->state[D], circle);
-  minima.other->state[D] = minima.best->state[D] + apart;
-  LocateOptions<S, D> relative{options.side, options.prior};
-  if (relative.prior) *relative.prior -= problem.center;
-  const S rounding = chi_squared_rounding<S>(problem.ranges, problem.largest);
-  return settle_images<S, D, D + 1>(minima.best, minima.other, relative, freedom, problem.largest,
-                                    rounding);
-}
 
 /// The covariance of (p, ψ) at a minimum: the inverse of the information, zero for what is known
 /// exactly. Error::DegenerateGeometry.
@@ -81,15 +40,15 @@ Result<Mat<S, D + 1>> pose_covariance(PoseProblem<S, D> problem, const Vec<S, D 
   return covariance;
 }
 
-/// Whether a pose leaves residuals that sigmas twice as great, and rounding, do not explain.
+/// Whether χ² exceeds what chance, as rare as so many standard deviations, and rounding explain.
 template <class S, int D>
-bool contradicts(TagRangeSpan<S, D> ranges, const PoseFix<S, D>& fix) {
+bool exceeds_chance(TagRangeSpan<S, D> ranges, const PoseFix<S, D>& fix, int sigmas) {
   if (fix.degrees_of_freedom < 1) return false;
   S largest = S(0);
   for (const TagRange<S, D>& r : ranges) {
     largest = std::max({largest, std::abs(r.range), norm(r.anchor), norm(fix.pose.position)});
   }
-  const S allowed = S(4) * chi_squared_gate(fix.degrees_of_freedom, S(5));
+  const S allowed = chi_squared_gate(fix.degrees_of_freedom, static_cast<S>(sigmas));
   return fix.chi_squared > allowed + chi_squared_rounding<S>(ranges, largest);
 }
 
@@ -108,6 +67,9 @@ Result<PoseFix<S, D>> solve_pose(TagRangeSpan<S, D> ranges, const PoseOptions<S,
   if (freedom == 0 && found->chi_squared > S(25)) return std::unexpected(Error::InconsistentRanges);
   const auto covariance = pose_covariance(*problem, found->state);
   if (!covariance) return std::unexpected(covariance.error());
+  if ((*covariance)(D, D) > kAnyDirectionVariance<S>) {
+    return std::unexpected(Error::HeadingUndetermined);
+  }
 
   PoseFix<S, D> fix;
   fix.pose.position = problem->center + found->state.template head<D>();
@@ -128,17 +90,20 @@ Result<PoseFix<S, D>> solve_pose(TagRangeSpan<S, D> ranges, const PoseOptions<S,
 /// given), in the anchors' frame, with χ². Ranges of `TagRange<S, 2>` give (x, y, heading), those
 /// of `TagRange<S, 3>` (x, y, z, heading); with `options.height` z is known, and slant ranges need
 /// no projection. The pose is that of the origin of the lever arms. Covariance: inverse information
-/// of the ranges, weighted as the loss has it. O(n·D²) an evaluation, some 4 as a rule; where the
-/// linear system does not settle the heading, or with a robust loss, up to 24 descents. Some 8 kB
-/// of stack in double, 4 kB in float, no allocation.
+/// of the ranges, weighted as the loss has it: it is what the sigmas promise, whatever χ² says.
+/// O(n·D²) an evaluation, some 4 as a rule; where the linear system does not settle the heading
+/// some ten descents, with a robust loss up to 24. Some 8 kB of stack in double, 4 kB in float, no
+/// allocation.
 ///
 /// Errors: those of `check_tag_ranges` (too many, not finite, bad sigma, negative);
 /// Error::TooFewMeasurements; Error::NotFinite, Error::InvalidOption for the options;
-/// Error::HeadingUndetermined, tags in one place and no heading given; Error::DegenerateGeometry,
-/// anchors that do not determine a pose; Error::AmbiguousSolution, two poses that explain the
-/// ranges; Error::InconsistentRanges, no pose explains as many ranges as unknowns (with more, χ²
-/// tells);
-/// Error::NotConverged; Error::NumericOverflow.
+/// Error::HeadingUndetermined, tags in one place, or so near each other that the heading's variance
+/// exceeds that of any direction at all; Error::DegenerateGeometry, anchors that do not determine a
+/// pose; Error::AmbiguousSolution, two poses of which Δχ² < 9 does not rule out the worse, which
+/// may be anywhere: a heading chooses, and a side or a prior
+/// where they are in different places; Error::InconsistentRanges, no pose
+/// explains as many ranges as unknowns (with more, χ² tells), or two miss them by tens of sigmas;
+/// Error::NotConverged; Error::NumericOverflow, also lengths that leave nothing of the anchors'.
 template <TagRangeSet R>
 [[nodiscard]] auto solve_pose(
     const R& ranges,
@@ -150,18 +115,30 @@ template <TagRangeSet R>
 
 /// The pose alone of `solve_pose`, whose cost and errors are these: a `Pose2` in the plane, a
 /// `LevelPose` in space. Where no robust loss is asked for it judges what it does not return:
-/// Error::InconsistentRanges also if χ² is beyond five standard deviations for sigmas twice
-/// as great, as wrong lever arms, a wrong baseline or an outlier make it.
+/// Error::InconsistentRanges also if χ² is beyond chance (`kPoseSigmas`), as wrong lever arms, a
+/// wrong baseline, an outlier, or sigmas that leave biases out make it; and where χ² is doubtful
+/// (`kPoseDoubtSigmas`) the covariance is `solve_pose`'s times χ² over its degrees of freedom.
+///
+/// A mistake shows in χ² by the part of it that no pose takes up; with that part's λ, the χ² of the
+/// answer is noncentral. Two tags 0.6 m apart and four anchors around, σ 0.1 m: a baseline given as
+/// 1 m has λ = 14 and is refused one time in a hundred, as 1.5 m λ = 70 and 98 in a hundred; a
+/// range 1 m late likewise. A tag 0.6 m further forward than it is given looks like another heading
+/// but for λ = 5, and tags exchanged wholly: no test of the ranges sees those.
 template <TagRangeSet R>
 [[nodiscard]] auto pose_from_ranges(
     const R& ranges,
     const std::type_identity_t<PoseOptions<TagRangeScalar<R>, kTagRangeDimension<R>>>& options = {})
     -> Result<PoseOf<TagRangeScalar<R>, kTagRangeDimension<R>>> {
-  const auto fix = solve_pose(ranges, options);
+  auto fix = solve_pose(ranges, options);
   if (!fix) return std::unexpected(fix.error());
-  if (options.robust.loss == Loss::Squares &&
-      detail::contradicts(as_tag_range_span(ranges), *fix)) {
-    return std::unexpected(Error::InconsistentRanges);
+  const auto beyond = [&](int sigmas) {
+    return options.robust.loss == Loss::Squares &&
+           detail::exceeds_chance(as_tag_range_span(ranges), *fix, sigmas);
+  };
+  if (beyond(kPoseSigmas)) return std::unexpected(Error::InconsistentRanges);
+  if (beyond(kPoseDoubtSigmas)) {
+    using S = TagRangeScalar<R>;
+    fix->pose.covariance *= fix->chi_squared / static_cast<S>(fix->degrees_of_freedom);
   }
   return fix->pose;
 }

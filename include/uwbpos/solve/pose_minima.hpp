@@ -20,7 +20,8 @@ namespace uwbpos::detail {
 
 inline constexpr int kPoseIterations = 50;
 
-/// The lowest minimum met, and the lowest of the others.
+/// The lowest minimum met, and the lowest of the others: those four standard deviations away or
+/// more. Nearer ones, as beside an anchor, the covariance covers.
 template <class S, int D>
 struct PoseMinima {
   Result<Minimum<S, D + 1>> best = std::unexpected(Error::DegenerateGeometry);
@@ -33,7 +34,9 @@ struct PoseMinima {
       Vec<S, D + 1> apart = found.state - kept->state;
       apart[D] = std::remainder(apart[D], circle);
       const S near = S(1e-3) * problem.largest;
-      return squared_norm(apart) <= near * near;
+      if (squared_norm(apart) <= near * near) return true;
+      const Vec<S, D + 1> scaled = symmetric_from_lower(kept->information) * apart;
+      return dot(apart, scaled) < S(16);
     };
     if (!best || found.chi_squared < best->chi_squared) {
       if (!same(best)) other = best;
@@ -56,7 +59,10 @@ void descend_at(const PoseProblem<S, D>& problem, S heading, PoseMinima<S, D>& m
     storage[n++] = {r.anchor - problem.center - turned<S, D>(turn, r.lever_arm), r.range, r.sigma};
   }
   const Result<ToaRoots<S, D>> roots = toa_roots<S, D>(RangeSpan<S, D>{storage.data(), n});
-  if (!roots) return;
+  if (!roots) {
+    if (!minima.best) minima.best = std::unexpected(roots.error());
+    return;
+  }
   const S rounding = S(4) * std::numeric_limits<S>::epsilon() * problem.largest;
   const auto evaluate = [&](const Vec<S, D + 1>& state, Curvature curvature) {
     return pose_normal<S, D>(problem, state, curvature);
@@ -91,12 +97,46 @@ void descend_at(const PoseProblem<S, D>& problem, S heading, PoseMinima<S, D>& m
   if (roots->flat() || (choice.two_minima && !(doubt > kBeyondDoubt))) descend_from(choice.other);
 }
 
-/// The heading is sure to lie in the basin of the linear system's: 4 standard deviations of c and s
-/// stay within the radius of the circle, also when χ² says that sigmas are too small.
+inline constexpr int kPoseHeadings = 12;
+
+/// The headings to start from where none is sure: k/12 of a circle.
 template <class S>
-bool is_sure(const HeadingGuess<S>& guess, S chi_squared, int degrees_of_freedom) {
-  const S freedom = static_cast<S>(std::max(degrees_of_freedom, 1));
-  return S(16) * guess.variance * std::max(S(1), chi_squared / freedom) <= S(1);
+inline constexpr std::array<Turn<S>, kPoseHeadings> kPoseTurns = [] {
+  constexpr S h = S(0.5);
+  constexpr S r = S(0.86602540378443864676);
+  constexpr S i = S(1);
+  constexpr S o = S(0);
+  return std::array<Turn<S>, kPoseHeadings>{{{i, o},
+                                             {r, h},
+                                             {h, r},
+                                             {o, i},
+                                             {-h, r},
+                                             {-r, h},
+                                             {-i, o},
+                                             {-r, -h},
+                                             {-h, -r},
+                                             {o, -i},
+                                             {h, -r},
+                                             {r, -h}}};
+}();
+
+template <class S>
+S pose_heading(int k) {
+  return S(2) * std::numbers::pi_v<S> * static_cast<S>(k) / S(kPoseHeadings);
+}
+
+/// What a heading costs a pose at least, to first order: (2) of heading_guess.hpp and what is known
+/// of it beforehand.
+template <class S, int D>
+S least_chi_squared(const PoseProblem<S, D>& problem, const std::optional<HeadingGuess<S>>& linear,
+                    int k) {
+  S least = linear ? linear->least_chi_squared(kPoseTurns<S>[static_cast<std::size_t>(k)]) : S(0);
+  if (problem.heading.information > S(0)) {
+    const S known = problem.heading.value / problem.arm;
+    const S off = angle_difference(pose_heading<S>(k), known) * problem.arm;
+    least += problem.heading.information * off * off;
+  }
+  return least;
 }
 
 }  // namespace uwbpos::detail

@@ -25,7 +25,9 @@ struct PoseOptions {
   std::optional<Measured<S>> height = std::nullopt;
   /// A direction in which the body lies from the anchors, where mirror images are possible.
   Vec<S, D> side = Vec<S, D>::Zero();
-  /// A position nearer to the body than to its mirror image [m], such as the last one.
+  /// A position nearer to the body than to its image [m], such as the last one. Neither it nor
+  /// `side` is heard where the images are in one place, to three standard deviations of it, and
+  /// differ in heading: `heading` tells those apart.
   std::optional<Vec<S, D>> prior = std::nullopt;
   /// What is made small. A robust loss tries every heading and costs some 50 times as much.
   RobustLoss<S> robust = {};

@@ -50,7 +50,8 @@ Knowledge<S> knowledge_of(const std::optional<Measured<S>>& known, S scale, S or
 }
 
 /// Brings checked input to the anchors' centre. Errors: Error::HeadingUndetermined;
-/// Error::DegenerateGeometry.
+/// Error::DegenerateGeometry; Error::NumericOverflow, also where the longest length leaves nothing
+/// of the anchors' distances.
 template <class S, int D>
 Result<PoseProblem<S, D>> pose_problem(TagRangeSpan<S, D> ranges,
                                        const PoseOptions<S, D>& options) {
@@ -64,7 +65,11 @@ Result<PoseProblem<S, D>> pose_problem(TagRangeSpan<S, D> ranges,
   S arms_apart = S(0);
   S anchors_apart = S(0);
   S information = S(0);
+  S shortest = std::abs(first.range);
+  S surest = first.sigma;
   for (const TagRange<S, D>& r : ranges) {
+    shortest = std::min(shortest, std::abs(r.range));
+    surest = std::min(surest, r.sigma);
     mean += r.anchor - first.anchor;
     anchors_apart = std::max(anchors_apart, norm(plan(r.anchor - first.anchor)));
     arms_apart = std::max(arms_apart, norm(plan(r.lever_arm - first.lever_arm)));
@@ -76,13 +81,16 @@ Result<PoseProblem<S, D>> pose_problem(TagRangeSpan<S, D> ranges,
     problem.largest = std::max({problem.largest, std::abs(r.range), norm(r.lever_arm),
                                 norm<S, D>(r.anchor - problem.center)});
   }
-  if (!std::isfinite(problem.largest) || !std::isfinite(information)) {
+  // Squared ranges are weighted by the inverse of their variances.
+  const S square = problem.largest * problem.largest + surest * surest;
+  if (!std::isfinite(square * square) || !std::isfinite(information)) {
     return std::unexpected(Error::NumericOverflow);
   }
   if (!options.heading) {
     if (!(arms_apart > kRounding * problem.arm)) return std::unexpected(Error::HeadingUndetermined);
     if (!(anchors_apart > kRounding * problem.largest)) {
-      return std::unexpected(Error::DegenerateGeometry);
+      return std::unexpected(anchors_apart > kRounding * shortest ? Error::NumericOverflow
+                                                                  : Error::DegenerateGeometry);
     }
   }
   if (!(problem.arm > S(0))) problem.arm = S(1);
