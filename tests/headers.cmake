@@ -14,18 +14,49 @@ string(JOIN "" kept ${names})
 set(kept "#pragma once\n${kept}#include \"${macros}\"\n")
 file(CONFIGURE OUTPUT headers/macros_kept.hpp CONTENT "${kept}")
 
+# Half of what a header takes to compile is Eigen. The units of headers that include core/eigen.hpp,
+# themselves or through others, have that precompiled; they lack nothing that it would have hidden.
+# Who includes it is read when CMake runs.
+set(eigen uwbpos/core/eigen.hpp)
+set(with_eigen ${eigen})
+set(before)
+while(NOT "${before}" STREQUAL "${with_eigen}")
+  set(before ${with_eigen})
+  list(JOIN with_eigen "|" any)
+  foreach(header IN LISTS headers)
+    if(NOT header IN_LIST with_eigen)
+      file(STRINGS ${PROJECT_SOURCE_DIR}/include/${header} found LIMIT_COUNT 1
+           REGEX "^#include \"(${any})\"")
+      if(found)
+        list(APPEND with_eigen ${header})
+      endif()
+    endif()
+  endforeach()
+endwhile()
+
 set(units)
+set(eigen_units)
 foreach(header IN LISTS headers)
   string(REGEX REPLACE "[/.]" "_" name ${header})
   set(unit ${CMAKE_CURRENT_BINARY_DIR}/headers/${name}.cpp)
   string(JOIN "\n" content "#include \"${macros}\"" "#include \"${header}\""
          "#include \"${header}\"" "#include \"headers/macros_kept.hpp\"" "")
   file(CONFIGURE OUTPUT ${unit} CONTENT "${content}")
-  list(APPEND units ${unit})
+  if(header IN_LIST with_eigen AND NOT header STREQUAL eigen)
+    list(APPEND eigen_units ${unit})
+  else()
+    list(APPEND units ${unit})
+  endif()
 endforeach()
 
-add_library(uwbpos_headers_alone OBJECT ${units})
-target_link_libraries(uwbpos_headers_alone PRIVATE uwbpos_own)
-target_include_directories(uwbpos_headers_alone PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}
-                           ${CMAKE_CURRENT_BINARY_DIR})
-target_compile_options(uwbpos_headers_alone PRIVATE -O0 -fno-exceptions -fno-rtti)
+foreach(which alone alone_eigen)
+  add_library(uwbpos_headers_${which} OBJECT)
+  target_link_libraries(uwbpos_headers_${which} PRIVATE uwbpos_own)
+  target_include_directories(uwbpos_headers_${which} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}
+                             ${CMAKE_CURRENT_BINARY_DIR})
+  target_compile_options(uwbpos_headers_${which} PRIVATE -O0 -fno-exceptions -fno-rtti)
+endforeach()
+target_sources(uwbpos_headers_alone PRIVATE ${units})
+target_sources(uwbpos_headers_alone_eigen PRIVATE ${eigen_units})
+target_precompile_headers(uwbpos_headers_alone_eigen PRIVATE
+                          ${CMAKE_CURRENT_SOURCE_DIR}/${macros} ${PROJECT_SOURCE_DIR}/include/${eigen})
