@@ -52,13 +52,13 @@ template <int D, int Begin, class P, int K>
 /// Two scalars in a register where the target has such, else void.
 template <class S>
 struct PairOf {
-  using Type = void;
+  using Type = void;  ///< none
 };
 #if defined(__SSE2__)
 /// Two doubles.
 template <>
 struct PairOf<double> {
-  using Type [[gnu::vector_size(16)]] = double;
+  using Type [[gnu::vector_size(16)]] = double;  ///< arithmetic lane by lane
 };
 /// The roots of both.
 [[nodiscard, gnu::always_inline]] inline PairOf<double>::Type square_root(PairOf<double>::Type x) {
