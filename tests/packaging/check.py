@@ -121,7 +121,7 @@ def check_all_tests():
 
 def check_platformio():
     manifest = json.loads((SOURCE / "library.json").read_text())
-    known = {"name", "version", "description", "keywords", "license", "authors", "headers",
+    known = {"name", "version", "description", "keywords", "license", "homepage", "repository", "authors", "headers",
              "frameworks", "platforms", "dependencies", "build", "examples", "export"}  # fmt: skip
     expect(set(manifest) <= known, f"unknown fields: {set(manifest) - known}")
     expect(re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", manifest["name"]), "name")
@@ -192,7 +192,7 @@ def cmake_consumer(how, *settings):
 
 def check_esp_idf():
     manifest = module("yaml", "python3-yaml").safe_load((SOURCE / "idf_component.yml").read_text())
-    known = {"version", "description", "license", "tags", "files", "dependencies"}
+    known = {"version", "description", "license", "url", "tags", "files", "dependencies"}
     expect(set(manifest) <= known, f"unknown fields: {set(manifest) - known}")
     expect(manifest["version"] == version(), "version")
     expect(manifest["dependencies"]["espressif/eigen"]["require"] == "public", "Eigen is not public")

@@ -174,8 +174,12 @@ template <class S, int D, int Capacity>
       subnets.covariance(a.slot, a.slot) + subnets.covariance(b.slot, b.slot) -
       subnets.covariance(a.slot, b.slot) - subnets.covariance(b.slot, a.slot);
   const S turn = difference.template bottomRightCorner<K, K>().trace();
-  const S arm = std::max(a.jacobian.template rightCols<K>().squaredNorm(),
-                         b.jacobian.template rightCols<K>().squaredNorm());
+  const auto squared_arm = [](const auto& jacobian) {
+    S sum = S(0);
+    for (int k = 0; k < K; ++k) sum += squared_norm<S, D>(jacobian.col(D + k));
+    return sum;
+  };
+  const S arm = std::max(squared_arm(a.jacobian), squared_arm(b.jacobian));
   return turn * turn * arm;
 }
 
