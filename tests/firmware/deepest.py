@@ -4,6 +4,7 @@
 library's functions have alone."""
 
 import re
+from bisect import bisect_right
 from functools import lru_cache
 
 
@@ -36,29 +37,45 @@ class Graph:
 
     def add_machine_code(self, text):
         """What `objdump -d` says. The compiler's sizes lack what some prologues push: the larger counts."""
-        name = None
-        sizes = {}
-        for line in text.splitlines():
-            if head := re.match(r"[0-9a-f]+ <([^>]+)>:$", line):
-                name = head.group(1)
-                sizes[name] = 0
+        # Sizes of memory that the linker knows are no functions, though objdump takes them for such.
+        heads = re.findall(r"^([0-9a-f]+) <(?!ROM|RAM)([^>]+)>:$", text, re.MULTILINE)
+        starts = [int(address, 16) for address, _ in heads]
+        names = [name for _, name in heads]
+        words = dict(re.findall(r"^\s*([0-9a-f]+):\t[0-9a-f ]+\t\.word\t0x([0-9a-f]+)", text, re.MULTILINE))
+        sizes = dict.fromkeys(names, 0)
+        literals = {}
+        for at, mnemonic, operands in re.findall(
+            r"^\s*([0-9a-f]+):\t[0-9a-f ]+\t(\S+)[ \t]*(.*)", text, re.MULTILINE
+        ):
+            place = bisect_right(starts, int(at, 16)) - 1
+            if place < 0:
                 continue
-            code = re.match(r"\s*[0-9a-f]+:\t[0-9a-f ]+\t(\S+)\s*(.*)", line)
-            if not code or not name:
-                continue
-            mnemonic, operands = code.groups()
+            name = names[place]
             sizes[name] += pushed(mnemonic, operands)
-            if mnemonic.startswith("b") and (to := re.search(r"<([^>+]+)(\+0x[0-9a-f]+)?>", operands)):
-                if to.group(1) != name:
-                    self.calls.setdefault(name, set()).add(to.group(1))
+            register = operands.split(",")[0]
+            if mnemonic == "add" and register == "sp" and (by := operands.split(", ")[1]) in literals:
+                taken = int(literals[by], 16)
+                sizes[name] += 2**32 - taken if taken >= 2**31 else 0
+            literal = re.match(r"(r\d+), \[pc, #\d+\]\s+@ \(([0-9a-f]+)", operands)
+            literals.pop(register, None)
+            if mnemonic.startswith("ldr") and literal and literal.group(2) in words:
+                literals[register] = words[literal.group(2)]
+            to = re.match(r"(?:r\d+, )?([0-9a-f]+) <", operands)
+            if mnemonic.startswith(("b", "cb")) and to:
+                target = int(to.group(1), 16)
+                callee = bisect_right(starts, target) - 1
+                if callee != place or (mnemonic == "bl" and target == starts[place]):
+                    self.calls.setdefault(name, set()).add(names[callee])
             elif mnemonic == "blx":
                 self.calls.setdefault(name, set()).add("__indirect_call")
         for name, size in sizes.items():
             self.frames[name] = max(self.frames.get(name, 0), size)
 
-    def deepest(self, function):
-        """Bytes of stack from the call of `function` on."""
+    def deepest(self, function, nested=None):
+        """Bytes of stack from the call of `function` on. `nested`: {part of a name: how often such a
+        function is in its own path}, where it calls itself."""
         path = []
+        nested = nested or {}
 
         @lru_cache(maxsize=None)
         def below(name):
@@ -69,9 +86,13 @@ class Graph:
             if name not in self.frames:
                 raise Unbounded(f"nothing is known of {name}")
             path.append(name)
-            depth = max((below(callee) for callee in self.calls.get(name, ())), default=0)
+            callees = self.calls.get(name, set())
+            times = next((times for part, times in nested.items() if part in name), 1)
+            if times > 1:
+                callees = callees - {name}
+            depth = max((below(callee) for callee in callees), default=0)
             path.pop()
-            return self.frames[name] + depth
+            return times * self.frames[name] + depth
 
         return below(function)
 

@@ -34,6 +34,16 @@ MACHINE_CODE = """
 00000300 <helper>:
      300:\ted2d 8b02 \tvpush\t{d8-d9}
      304:\tf84d cd04 \tstr.w\tip, [sp, #-4]!
+
+00000400 <large>:
+     400:\tb510      \tpush\t{r4, lr}
+     402:\t4c01      \tldr\tr4, [pc, #4]\t@ (40a <large+0xa>)
+     404:\t44a5      \tadd\tsp, r4
+
+00000406 <RAM_SIZE>:
+     406:\t2385      \tmovs\tr3, #133\t@ 0x85
+     408:\t449d      \tadd\tsp, r3
+     40a:\tfffffd70 \t.word\t0xfffffd70
 """
 
 
@@ -89,9 +99,15 @@ class Judge(unittest.TestCase):
         self.assertEqual(self.faults_of(judge.check_stack, "m4f", "top", graph, 92), [])
         found = self.faults_of(judge.check_stack, "m4f", "top", graph, 93)
         self.assertIn("93 bytes of stack painted, 92 on the deepest path", found[0])
+        # A frame that the M0 takes from a literal, in a function with a linker's number amid it.
+        self.assertEqual(graph.deepest("large"), 8 + 0x290)
         graph.calls["helper"] = {"top"}
         self.assertRaises(Unbounded, graph.deepest, "top")
         self.assertIn("calls itself", self.faults_of(judge.check_stack, "m4f", "top", graph, 0)[0])
+        self.assertRaises(Unbounded, graph.deepest, "top", {"helper": 2})
+        graph.calls["helper"] = {"helper"}
+        self.assertIn("calls itself", self.faults_of(judge.check_stack, "m4f", "top", graph, 0)[0])
+        self.assertEqual(graph.deepest("top", {"help": 3}), 24 + 16 + 32 + 3 * 20)
         graph.calls["helper"] = {"__indirect_call"}
         self.assertIn("nothing is known", self.faults_of(judge.check_stack, "m4f", "top", graph, 0)[0])
 
