@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numbers>
 #include <type_traits>
 
 namespace uwbpos {
@@ -18,7 +19,7 @@ namespace uwbpos {
 namespace detail {
 
 // ln 2 in two parts, the first of nine bits: times a power of two's exponent it is exact.
-inline constexpr float kLn2High = 0.693359375f;
+inline constexpr float kLn2High = 355.0f / 512.0f;
 inline constexpr float kLn2Low = -2.12194440e-4f;
 
 /// 2^`power`, −126 ≤ power ≤ 127.
@@ -30,7 +31,7 @@ inline float power_of_two(std::int32_t power) {
 inline float small_logarithm(float x) {
   const auto bits = std::bit_cast<std::uint32_t>(x);
   auto power = static_cast<std::int32_t>(bits >> 23) - 126;
-  float z = std::bit_cast<float>((bits & 0x7FFFFFu) | 0x3F000000u);  // in [½, 1)
+  auto z = std::bit_cast<float>((bits & 0x7FFFFFu) | 0x3F000000u);  // in [½, 1)
   if (z < 0.70710678f) {
     z += z;
     --power;
@@ -62,10 +63,11 @@ inline float small_logarithm(float x) {
 template <class S>
 [[nodiscard]] S exponential(S x) {
   if constexpr (std::is_same_v<S, float>) {
-    if (x != x) return std::numeric_limits<float>::quiet_NaN();
+    if (std::isnan(x)) return std::numeric_limits<float>::quiet_NaN();
     if (x < -104.0f) return 0.0f;
     if (x > 89.0f) return std::numeric_limits<float>::infinity();
-    const auto power = static_cast<std::int32_t>(x * 1.44269504f + (x < 0 ? -0.5f : 0.5f));
+    const auto power =
+        static_cast<std::int32_t>(x * std::numbers::log2e_v<float> + (x < 0 ? -0.5f : 0.5f));
     const auto turns = static_cast<float>(power);
     const float r = (x - turns * detail::kLn2High) - turns * detail::kLn2Low;
     const float p = (((((1.9875691500e-4f * r + 1.3981999507e-3f) * r + 8.3334519073e-3f) * r +
