@@ -71,6 +71,21 @@ class Graph:
         for name, size in sizes.items():
             self.frames[name] = max(self.frames.get(name, 0), size)
 
+    def add_symbols(self, text):
+        """What `nm` says: other names of the same code, and calls that became instructions."""
+        places = {}
+        for address, name in re.findall(r"^([0-9a-f]+) [TtWw] (\S+)$", text, re.MULTILINE):
+            places.setdefault(int(address, 16) & ~1, []).append(name)
+        for names in places.values():
+            known = [name for name in names if name in self.frames]
+            for name in names if known else []:
+                if name not in self.frames:
+                    self.calls[name] = {known[0]}
+                    self.frames[name] = 0
+        linked = {name for names in places.values() for name in names} | {"__indirect_call"}
+        for callees in self.calls.values():
+            callees &= linked | set(self.frames)
+
     def deepest(self, function, nested=None):
         """Bytes of stack from the call of `function` on. `nested`: {part of a name: how often such a
         function is in its own path}, where it calls itself."""

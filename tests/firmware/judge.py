@@ -124,11 +124,12 @@ def check_code(board, name, code):
 
 
 def check_image(board, folder, name):
-    """Returns its machine code."""
-    check_symbols(board, name, tool("arm-none-eabi-nm", folder / name))
+    """Returns its symbols and its machine code."""
+    symbols = tool("arm-none-eabi-nm", folder / name)
+    check_symbols(board, name, symbols)
     code = tool("arm-none-eabi-objdump", "-d", folder / name)
     check_code(board, name, code)
-    return code
+    return symbols, code
 
 
 def read_cases(board, output):
@@ -175,7 +176,9 @@ def measure(board, folder):
                 fault(f"{board}: no call graph of {objects}")
             for path in found:
                 graph.add_call_graph(path.read_text())
-        graph.add_machine_code(check_image(board, folder, image))
+        symbols, code = check_image(board, folder, image)
+        graph.add_machine_code(code)
+        graph.add_symbols(symbols)
         for name, most, mean, painted in cases:
             deepest = check_stack(board, name, graph, painted)
             rows[name] = Row(sizes[name] - sizes["no_function"], painted, deepest, most, mean)

@@ -99,6 +99,10 @@ class Judge(unittest.TestCase):
         self.assertEqual(self.faults_of(judge.check_stack, "m4f", "top", graph, 92), [])
         found = self.faults_of(judge.check_stack, "m4f", "top", graph, 93)
         self.assertIn("93 bytes of stack painted, 92 on the deepest path", found[0])
+        # Another name of the same code, and a call that became an instruction.
+        graph.calls["top"] |= {"__aeabi_alias", "sqrtf"}
+        graph.add_symbols("00000201 T __aeabi_fadd\n00000201 T __aeabi_alias\n00000101 T top\n")
+        self.assertEqual(graph.deepest("top"), 24 + 16 + 32 + 20)
         # A frame that the M0 takes from a literal, in a function with a linker's number amid it.
         self.assertEqual(graph.deepest("large"), 8 + 0x290)
         graph.calls["helper"] = {"top"}
