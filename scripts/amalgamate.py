@@ -15,7 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 INCLUDE = ROOT / "include"
 OFF, BACK = "uwbpos/core/macros_off.hpp", "uwbpos/core/macros_back.hpp"
-LANGUAGE, EIGEN, SVD = (f"uwbpos/core/{name}.hpp" for name in ("language", "eigen", "eigen_svd"))
+LANGUAGE, EIGEN = "uwbpos/core/language.hpp", "uwbpos/core/eigen.hpp"
 OWN = re.compile(r'^#include "(uwbpos/[^"]+)"\n', re.MULTILINE)
 FOREIGN = re.compile(r"^#include <([^>]+)>\n", re.MULTILINE)
 
@@ -50,14 +50,14 @@ def amalgamated():
     headers = {}
     in_order("uwbpos/uwbpos.hpp", headers)
     del headers["uwbpos/uwbpos.hpp"]
-    headers = [name for name in headers if name not in (LANGUAGE, EIGEN, SVD)]
+    headers = [name for name in headers if name not in (LANGUAGE, EIGEN)]
     standard = sorted({found for name in headers for found in FOREIGN.findall(text_of(name))})
     strangers = [name for name in standard if not re.fullmatch(r"[a-z_]+", name)]
     if strangers:
         sys.exit(f"not of the standard library: {strangers}")
     eigen = text_of(EIGEN)
     eigen = eigen[eigen.index("#pragma GCC diagnostic push") :]
-    eigen = OWN.sub("", eigen.replace("<Eigen/Core>\n", "<Eigen/Core>\n#include <Eigen/SVD>\n"))
+    eigen = OWN.sub("", eigen)
 
     licence = "".join(f"// {line}".rstrip() + "\n" for line in (ROOT / "LICENSE").read_text().splitlines())
     parts = [
@@ -91,7 +91,9 @@ def main():
         if name.startswith("uwbpos/sim/") or name in (OFF, BACK, LANGUAGE):
             write(out / "include" / name, text_of(name))
         else:
-            write(out / "include" / name, '#pragma once\n#include "uwbpos_amalgamated.hpp"\n')
+            # CMakeLists.txt reads the version in core/version.hpp, and only there.
+            said = f'// kVersion = "{version()}"\n' if name == "uwbpos/core/version.hpp" else ""
+            write(out / "include" / name, f'#pragma once\n{said}#include "uwbpos_amalgamated.hpp"\n')
 
     shutil.copytree(ROOT / "packaging" / "arduino", out / "arduino" / "uwbpos")
     shutil.copytree(INCLUDE / "uwbpos", out / "arduino" / "uwbpos" / "src" / "uwbpos")

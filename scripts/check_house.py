@@ -20,7 +20,7 @@ LAYERS = {
     "sim": 5,
 }  # fmt: skip
 MAX_HEADER_LINES = 220
-EIGEN_GUARDS = ["uwbpos/core/eigen.hpp", "uwbpos/core/eigen_svd.hpp"]
+EIGEN_GUARD = "uwbpos/core/eigen.hpp"
 # What every header begins with and ends with, so that a sketch's macros do not reach into it.
 MACRO_GUARDS = ["uwbpos/core/macros_off.hpp", "uwbpos/core/macros_back.hpp"]
 WITHOUT_MACRO_GUARD = [*MACRO_GUARDS, "uwbpos/core/language.hpp", "uwbpos/uwbpos.hpp"]
@@ -34,6 +34,15 @@ MANIFESTS = {
     "packaging/arduino/library.properties": r"^version=(.*)",
     "idf_component.yml": r'^version: "(.*)"',
     "zephyr/module.yml": r"^# Release: uwbpos (.*)",
+}
+
+# Where releases are, as CMakeLists.txt has it and the manifests repeat it.
+HOMEPAGE = r'HOMEPAGE_URL "(.*?)"'
+HOMEPAGES = {
+    "library.json": r'"homepage": "(.*?)"',
+    "library.json, repository": r'"url": "(.*?)\.git"',
+    "packaging/arduino/library.properties": r"^url=(.*)",
+    "idf_component.yml": r'^url: "(.*)"',
 }
 
 # What firmware cannot have: heap, exceptions, virtual calls, printing, clocks, macros.
@@ -123,8 +132,8 @@ def check_headers(headers):
             include = re.match(r"\s*#\s*include\s*<([^>]+)>", line)
             if include and include.group(1) in BANNED_HEADERS:
                 fault(path, number, f"<{include.group(1)}> is not for firmware")
-            if include and include.group(1).startswith("Eigen/") and name not in EIGEN_GUARDS:
-                fault(path, number, f"Eigen comes through {' and '.join(EIGEN_GUARDS)} only")
+            if include and include.group(1).startswith("Eigen/") and name != EIGEN_GUARD:
+                fault(path, number, f"Eigen comes through {EIGEN_GUARD} only")
             if re.match(r"\s*#\s*define\b", line):
                 fault(path, number, "a macro")
             for word in BANNED_WORDS.findall(line):
@@ -179,6 +188,16 @@ def check_version(paths):
                 fault(path, line, f"version {found}, but core/version.hpp says {version}")
 
 
+def check_homepage():
+    homepage = re.search(HOMEPAGE, text_of(ROOT / "CMakeLists.txt")).group(1)
+    for name, pattern in HOMEPAGES.items():
+        path = ROOT / name.split(",")[0]
+        stated = re.search(pattern, text_of(path), re.MULTILINE)
+        found = stated.group(1) if stated else "none"
+        if found != homepage:
+            fault(path, 1, f"homepage {found}, but CMakeLists.txt says {homepage}")
+
+
 def check_texts(paths):
     for path in paths:
         text = text_of(path)
@@ -224,6 +243,7 @@ def main():
     check_macro_guards()
     check_umbrella(headers)
     check_version(paths)
+    check_homepage()
     check_features()
     check_texts(paths)
     print("\n".join(faults) if faults else f"house rules: {len(paths)} files, no fault")

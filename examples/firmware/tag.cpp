@@ -5,7 +5,7 @@
 
 #include <uwbpos/solve/locate.hpp>
 
-#include "../../tests/firmware/text.hpp"
+#include "text.hpp"
 
 namespace tag {
 
@@ -39,23 +39,32 @@ struct Round {
   }
 };
 
-// Time, the two-tag pose, the tracked pose.
+// What the columns of `print` are.
+constexpr const char* kHeadline =
+    "          from two tags                tracked\n"
+    "  time s      x m     y m     deg          x m     y m     deg    m/s\n";
+
+// Time, the two-tag pose, the tracked pose and speed; or why there is none.
 void print(Put put, std::int64_t time, const Result<Pose2<float>>& seen,
            const Result<RobotPose<float>>& tracked) {
   const auto pose = [&](const Pose2<float>& p) {
-    firmware::write_fixed(put, p.position[0], 3, 8);
-    firmware::write_fixed(put, p.position[1], 3, 8);
-    firmware::write_fixed(put, radians_to_degrees(p.heading), 1, 8);
+    write_fixed(put, p.position[0], 2, 9);
+    write_fixed(put, p.position[1], 2, 8);
+    write_fixed(put, radians_to_degrees(p.heading), 1, 8);
   };
   const auto reason = [&](Error error) {
     put(' ');
     for (const char c : describe(error)) put(c);
   };
-  firmware::write_number(put, static_cast<std::int32_t>(time / 1000), 6);
-  firmware::write_text(put, " ms  two tags");
+  write_fixed(put, static_cast<float>(time / 1000) / 1000.0f, 3, 8);
   seen ? pose(*seen) : reason(seen.error());
-  firmware::write_text(put, "  tracked");
-  tracked ? pose(tracked->pose) : reason(tracked.error());
+  write_text(put, "    ");
+  if (tracked) {
+    pose(tracked->pose);
+    write_fixed(put, tracked->speed, 2, 7);
+  } else {
+    reason(tracked.error());
+  }
   put('\n');
 }
 
@@ -86,6 +95,7 @@ int run(Radio& radio, const Settings& s, Put put) {
     if (!tracker.add_tag(tag, {0, tag == 0 ? s.baseline / 2 : -s.baseline / 2, 0})) return 0;
   }
 
+  write_text(put, kHeadline);
   int headings = 0;
   std::array<Round, 2> round;
   while (const auto exchange = radio.next()) {

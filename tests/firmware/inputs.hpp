@@ -8,9 +8,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "uwbpos/core/types.hpp"
+#include "uwbpos/ranging/ds_twr.hpp"
+#include "uwbpos/ranging/ss_twr.hpp"
 #include "uwbpos/sim/noise.hpp"
 
-#include "words.hpp"
+#include "recorded.hpp"
 
 namespace firmware {
 
@@ -88,15 +91,6 @@ inline void make(uwbpos::SsTwrStamps& s, Random& random) {
   uwbpos::DsTwrStamps all;
   make(all, random);
   s = {all.poll_tx, all.poll_rx, all.resp_tx, all.resp_rx};
-}
-
-template <class C>
-void make_input(typename C::Input& input, Random& random, int round) {
-  if constexpr (requires { C::make(input, random, round); }) {
-    C::make(input, random, round);
-  } else {
-    make(input, random);
-  }
 }
 
 }  // namespace firmware

@@ -5,41 +5,79 @@
 judge.py BUILD TABLE [--write]: BUILD holds a folder per board and host/track.txt.
 """
 
+import os
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
+
+from deepest import Graph, Unbounded
 
 BOARDS = {
     "m4f": "Cortex-M4F", "m7": "Cortex-M7", "m33": "Cortex-M33", "m3": "Cortex-M3", "m0": "Cortex-M0",
 }  # fmt: skip
 
-# On the M4F: flash, stack [bytes], most instructions of a call. None: no budget.
+# On the M4F: what a function may take.
 BUDGETS = {
-    # Not yet what is aimed at (1,600 / 300 / 2,500; 150 instructions): held where they are.
-    "toa_least_squares_3d_8": (6300, 660, 8200),
-    "ds_twr_range_asymmetric": (2000, 272, 350),
-    "kalman_update_6_3": (None, None, 700),
-    "two_tag_pose_": (None, None, 400),
+    "toa_least_squares_3d_8": {"flash": 1600, "stack": 300, "instructions": 2500},
+    "ds_twr_range_asymmetric": {"instructions": 150},
+    "kalman_update_6_3": {"instructions": 700},
+    "two_tag_pose_": {"instructions": 400},
 }
+# Budgets that are missed, and where they are held until they are met; the table says so.
+MISSED = {
+    "toa_least_squares_3d_8": {"flash": 6300, "stack": 700, "instructions": 8200},
+    "ds_twr_range_asymmetric": {"instructions": 350},
+}
+# Functions that call themselves, and how deep in a case: once for each receiver.
+NESTED = {"fsri_3": {"FsriSearchIfLi2EE4join": 3}, "fsri_4": {"FsriSearchIfLi2EE4join": 4}}
+UNITS = {"flash": "bytes of flash", "stack": "bytes of stack", "instructions": "instructions"}
 
 # How far the checked-in table may be from what is measured: compilers differ by a little.
 SLACK = 0.10
 SLACK_AT_LEAST = 32
 
-FORBIDDEN = re.compile(
-    r" (__aeabi_d\w+|__aeabi_f2d|_*malloc\w*|_sbrk|_Zn[wa]\w+|__cxa_throw|_Unwind_\w+|_ZSt4cout|\w*printf\w*)$"
-)
-
+FORBIDDEN = {
+    "the heap": re.compile(r"_*(malloc|free|realloc|calloc)(_r)?|_sbrk|_Zn[wa]\w+|_Zd[la]\w+"),
+    "exceptions": re.compile(r"__cxa_(throw|rethrow|begin_catch|allocate_exception)|_Unwind_\w+|_ZSt9terminatev"),
+    "streams": re.compile(r"_ZSt4c(out|err|in|log)|_ZNSt8ios_base\w+|_ZNSo\w+|\w*printf\w*|puts|_Zls\w+"),
+    "double": re.compile(r"__aeabi_d\w+|__aeabi_\w+2d|__(add|sub|mul|div|extendsf|trunc)df\w+"),
+}
 # libgcc of ARMv6-M turns 64-bit integers into float by way of double; nothing here asks for it.
-OF_INTEGERS_ON_M0 = {"__aeabi_d2f", "__aeabi_dadd", "__aeabi_dmul"}
+OF_INTEGERS_ON_M0 = {
+    "__aeabi_d2f", "__aeabi_dadd", "__aeabi_dmul", "__aeabi_ui2d", "__aeabi_i2d", "__adddf3",
+    "__muldf3", "__truncdfsf2",
+}  # fmt: skip
+# Double in hardware, which the M7 has.
+DOUBLE_CODE = re.compile(r"\tv(?!ldr|str|mov|push|pop)\w+\.f64")
+
+
+@dataclass
+class Row:
+    """What a function takes on a board."""
+
+    flash: int
+    painted: int
+    deepest: int
+    most: int
+    mean: int
+
+    def taken(self, what):
+        return {"flash": self.flash, "stack": max(self.painted, self.deepest), "instructions": self.most}[what]
+
 
 faults = []
 
 
 def fault(text):
     faults.append(text)
-    print(f"!! {text}")
+    print(f"!! {text}", flush=True)
+
+
+def tool(*command):
+    return subprocess.run([str(word) for word in command], check=True, capture_output=True, text=True).stdout
 
 
 def run(board, folder, image):
@@ -57,52 +95,103 @@ def run(board, folder, image):
     return done.stdout
 
 
-def size_of(path):
-    line = subprocess.run(
-        ["arm-none-eabi-size", str(path)], check=True, capture_output=True, text=True
-    ).stdout.splitlines()[1].split()  # fmt: skip
-    return int(line[0]) + int(line[1])
+def sizes_of(folder):
+    """{symbol: text and data of the image of it alone}."""
+    images = sorted(folder.glob("size_*[!a-z.]")) + sorted(folder.glob("size_*[a-z]"))
+    images = [path for path in images if path.is_file() and os.access(path, os.X_OK)]
+    sizes = {}
+    for line in tool("arm-none-eabi-size", *images).splitlines()[1:]:
+        text, data, *_, path = line.split()
+        sizes[Path(path).name.removeprefix("size_")] = int(text) + int(data)
+    return sizes
 
 
-def check_symbols(board, path):
-    names = subprocess.run(
-        ["arm-none-eabi-nm", str(path)], check=True, capture_output=True, text=True
-    ).stdout  # fmt: skip
-    for line in names.splitlines():
-        found = FORBIDDEN.search(line)
-        if found and not (board == "m0" and found.group(1) in OF_INTEGERS_ON_M0):
-            fault(f"{board}: {path.name} holds {found.group(1)}")
+def check_symbols(board, name, symbols):
+    """`symbols`: what nm prints."""
+    for line in symbols.splitlines():
+        symbol = line.split()[-1] if line.split() else ""
+        for what, pattern in FORBIDDEN.items():
+            allowed = board == "m0" and symbol in OF_INTEGERS_ON_M0
+            if pattern.fullmatch(symbol) and not allowed:
+                fault(f"{board}: {name} holds {symbol}, which belongs to {what}")
 
 
-def measure(board, folder):
-    """{function: (flash, stack, most instructions, mean instructions)}."""
-    rows = {}
-    empty = size_of(folder / "size_no_function")
-    words = 0
-    for line in run(board, folder, "firmware_target").splitlines():
+def check_code(board, name, code):
+    """`code`: what objdump prints."""
+    found = DOUBLE_CODE.search(code)
+    if found:
+        fault(f"{board}: {name} calculates in double:{found.group()}")
+
+
+def check_image(board, folder, name):
+    """Returns its symbols and its machine code."""
+    symbols = tool("arm-none-eabi-nm", folder / name)
+    check_symbols(board, name, symbols)
+    code = tool("arm-none-eabi-objdump", "-d", folder / name)
+    check_code(board, name, code)
+    return symbols, code
+
+
+def read_cases(board, output):
+    """[(name, most, mean, painted)] of what firmware_target prints, and how many words were right."""
+    cases, words = [], 0
+    for line in output.splitlines():
         found = re.match(r"case (\w+) (\d+) (\d+) (\d+) (\d+) (\d+)$", line)
         if not found:
             continue
-        name = found.group(1)
-        total, different, most, mean, stack = (int(x) for x in found.groups()[1:])
-        words += total
+        total, different, most, mean, painted = (int(x) for x in found.groups()[1:])
+        words += total - different
         if different:
-            fault(f"{board}: {name}: {different} of {total} words differ from the host's")
-        flash = size_of(folder / f"size_{name}") - empty
-        rows[name] = (flash, stack, most, mean)
-    if not rows:
-        fault(f"{board}: no case ran")
-    check_symbols(board, folder / "firmware_target")
-    print(f"== {BOARDS[board]}: {len(rows)} functions, {words} words as on the host")
+            fault(f"{board}: {found.group(1)}: {different} of {total} words differ from the host's")
+        cases.append((found.group(1), most, mean, painted))
+    return cases, words
+
+
+def check_stack(board, name, graph, painted):
+    """The deepest path, which holds what was painted."""
+    try:
+        deepest = graph.deepest(name, NESTED.get(name))
+    except Unbounded as reason:
+        fault(f"{board}: {title(name)}: no bound of its stack: {reason}")
+        return 0
+    if painted > deepest:
+        fault(f"{board}: {title(name)}: {painted} bytes of stack painted, {deepest} on the deepest path")
+    return deepest
+
+
+def measure(board, folder):
+    """{function: Row}."""
+    sizes = sizes_of(folder)
+    rows, words = {}, 0
+    for group in ("fixes", "tracks"):
+        image = f"firmware_target_{group}"
+        cases, right = read_cases(board, run(board, folder, image))
+        words += right
+        if not cases:
+            fault(f"{board}: no case of {image} ran")
+        graph = Graph()
+        for objects in (f"firmware_{group}", image, "firmware_bare"):
+            found = list((folder / "CMakeFiles" / f"{objects}.dir").rglob("*.ci"))
+            if not found:
+                fault(f"{board}: no call graph of {objects}")
+            for path in found:
+                graph.add_call_graph(path.read_text())
+        symbols, code = check_image(board, folder, image)
+        graph.add_machine_code(code)
+        graph.add_symbols(symbols)
+        for name, most, mean, painted in cases:
+            deepest = check_stack(board, name, graph, painted)
+            rows[name] = Row(sizes[name] - sizes["no_function"], painted, deepest, most, mean)
+    print(f"== {BOARDS[board]}: {len(rows)} functions, {words} words as on the host", flush=True)
     return rows
 
 
 def check_track(board, folder, expected):
     if not (folder / "firmware_tag").is_file():
         return
-    check_symbols(board, folder / "firmware_tag")
+    check_image(board, folder, "firmware_tag")
     track = run(board, folder, "firmware_tag")
-    if track.replace("\r", "") != expected:
+    if track.replace("\r", "") != expected or not expected:
         fault(f"{board}: the tag's track is not the host's")
     else:
         print(f"== {BOARDS[board]}: the tag's track, {len(expected.splitlines())} lines, as on the host")
@@ -112,34 +201,82 @@ def title(symbol):
     return symbol.rstrip("_")
 
 
+def budget_rows(rows):
+    """[(function, what, budget, taken, held to or None)]."""
+    return [
+        (name, what, most, rows[name].taken(what), MISSED.get(name, {}).get(what))
+        for name, budget in BUDGETS.items()
+        for what, most in budget.items()
+        if name in rows
+    ]
+
+
+def check_budgets(rows):
+    for name in BUDGETS:
+        if name not in rows:
+            fault(f"{title(name)}, which has a budget, did not run")
+    for name, what, most, taken, held in budget_rows(rows):
+        limit = most if held is None else held
+        if taken > limit:
+            fault(f"{title(name)}: {taken:,} {UNITS[what]}; {'the budget is' if held is None else 'held to'} {limit:,}")
+        elif held is not None and taken <= most:
+            fault(f"{title(name)}: {taken:,} {UNITS[what]} meet the budget; strike it from MISSED")
+
+
+def check_load(rows):
+    """A range and the network on it, 200 times a second, beside 168 MHz."""
+    network = rows["bias_network_21_50_50"].mean
+    for name, row in rows.items():
+        if not name.startswith("tracker"):
+            continue
+        share = 200 * (row.mean + network) / 168e6
+        print(f"== {title(name)}: {row.mean} instructions a measurement, {row.mean + network} with the network; "
+              f"200 Hz take {100 * share:.1f} % of a 168 MHz M4F")
+        if share > 0.25:
+            fault(f"{title(name)}: more than a quarter of the processor")
+
+
 def table(results):
     def cell(row):
-        return f"{row[0]:,} / {row[1]:,} / {row[2]:,}" if row else "—"
+        return f"{row.flash:,} / {row.painted:,} / {row.deepest:,} / {row.most:,}" if row else "—"
+
+    def head():
+        return ["| function | " + " | ".join(BOARDS[board] for board in results) + " |",
+                "| --- |" + " ---: |" * len(results)]  # fmt: skip
 
     lines = [
         "<!-- SPDX-License-Identifier: MIT -->",
         "# Flash, stack and instructions",
         "",
         "Written by `./dev firmware --write`, compared by `./dev firmware`. Each cell: bytes of flash of",
-        "the function and all that it needs, bytes of stack (painted), most instructions of a call over",
-        "the recorded inputs. `float`, `-O2` (`-Os` on the M0), arm-none-eabi-gcc of Debian 12. A tracker's most expensive",
-        "call is its first fix or a late range that replays its window; its mean stands below.",
+        "the function and all that it needs / bytes of stack as painted over the recorded inputs / the",
+        "same along the deepest path of calls by `-fstack-usage` / most instructions of a call over the",
+        "recorded inputs. `float`, `-O2` (`-Os` on the M0), arm-none-eabi-gcc of Debian 12. A tracker's",
+        "most expensive call is its first fix or a late range that replays its window; means stand below.",
         "",
-        "| function | " + " | ".join(BOARDS[board] for board in results) + " |",
-        "| --- |" + " ---: |" * len(results),
+        *head(),
     ]
     names = list(dict.fromkeys(name for rows in results.values() for name in rows))
     for name in names:
         cells = " | ".join(cell(rows.get(name)) for rows in results.values())
         lines.append(f"| `{title(name)}` | {cells} |")
-    lines += ["", "Mean instructions of a call:", ""]
-    lines += ["| function | " + " | ".join(BOARDS[board] for board in results) + " |"]
-    lines += ["| --- |" + " ---: |" * len(results)]
+    lines += ["", "Mean instructions of a call:", "", *head()]
     for name in names:
         if not name.startswith(("tracker", "bias", "fsri", "toa_least")):
             continue
-        cells = " | ".join(f"{rows[name][3]:,}" if name in rows else "—" for rows in results.values())
+        cells = " | ".join(f"{rows[name].mean:,}" if name in rows else "—" for rows in results.values())
         lines.append(f"| `{title(name)}` | {cells} |")
+    lines += [
+        "",
+        "Budgets on the Cortex-M4F. One that is exceeded fails the build; one that is missed is held",
+        "where it is.",
+        "",
+        "| function | budget | taken | |",
+        "| --- | ---: | ---: | --- |",
+    ]
+    for name, what, most, taken, held in budget_rows(results.get("m4f", {})):
+        verdict = "met" if taken <= most else f"**missed**, held to {held:,}" if held else "**missed**"
+        lines.append(f"| `{title(name)}` | {most:,} {UNITS[what]} | {taken:,} | {verdict} |")
     return "\n".join(lines) + "\n"
 
 
@@ -154,49 +291,38 @@ def compare(new, path):
         fault(f"{path.name} has other rows; run ./dev firmware --write")
         return
     for before, after in zip(old_lines, new_lines):
-        a, b = numbers(before), numbers(after)
         if not before.startswith("| `"):
             continue
+        a, b = numbers(before), numbers(after)
         if before.split("|")[1] != after.split("|")[1] or len(a) != len(b):
             fault(f"{path.name}: another row: {after}")
         elif any(abs(x - y) > max(SLACK * x, SLACK_AT_LEAST) for x, y in zip(a, b)):
             fault(f"{path.name} is out of date:\n   was {before}\n   is  {after}")
 
 
-def check_budgets(rows):
-    for name, budget in BUDGETS.items():
-        for what, most, is_ in zip(("bytes of flash", "bytes of stack", "instructions"), budget, rows[name]):
-            if most is not None and is_ > most:
-                fault(f"{title(name)}: {is_} {what}; the budget is {most}")
-    # A range and the network on it, 200 times a second, beside 168 MHz.
-    for tracker in ("tracker_point_3d", "tracker_planar_robot", "tracker_inertial"):
-        update = rows[tracker][3] + rows["bias_network_21_50_50"][3]
-        share = 200 * update / 168e6
-        print(f"== {tracker}: {rows[tracker][3]} instructions a range, {update} with the network; "
-              f"200 Hz take {100 * share:.1f} % of a 168 MHz M4F, {rows[tracker][0]} bytes of flash")
-        if share > 0.25:
-            fault(f"{tracker}: more than a quarter of the processor")
-
-
 def main():
     build, path = Path(sys.argv[1]), Path(sys.argv[2])
-    expected = (build / "host" / "track.txt").read_text() if (build / "host" / "track.txt").is_file() else ""
-    results = {}
-    for board in BOARDS:
-        if not (build / board / "firmware_target").is_file():
+    track = build / "host" / "track.txt"
+    expected = track.read_text() if track.is_file() else ""
+
+    def judge(board):
+        if not (build / board / "emulator").is_file():
             fault(f"{board}: not built")
-            continue
-        results[board] = measure(board, build / board)
+            return {}
+        rows = measure(board, build / board)
         check_track(board, build / board, expected)
-    if results.get("m4f"):
+        return rows
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        results = dict(zip(BOARDS, pool.map(judge, BOARDS)))
+    if results["m4f"]:
         check_budgets(results["m4f"])
+        check_load(results["m4f"])
     text = table(results)
     if "--write" in sys.argv:
         path.write_text(text)
     else:
-        # Columns that the table does not have yet are not compared.
-        old = path.read_text() if path.is_file() else ""
-        compare(table({board: rows for board, rows in results.items() if BOARDS[board] in old}), path)
+        compare(text, path)
     return 1 if faults else 0
 
 

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Runs every case on the target and compares each word with the host's. One line a case:
 // name, words, words that differ, instructions per call (most, mean), bytes of stack.
-#include <cstring>
-
 #include "bare/board.hpp"
-#include "cases/entries.hpp"
+#include "entry.hpp"
 #include "recordings.hpp"
 #include "text.hpp"
+#include "units.hpp"
 
 extern "C" std::uint32_t bss_end[];
 
@@ -33,7 +32,7 @@ std::uint32_t instructions_per_tick() {
 
 void do_nothing(const void*, void*) { __asm__ volatile(""); }
 
-std::uint32_t call_times(void (*function)(const void*, void*), const void* input, void* output,
+std::uint32_t call_times(firmware::Function function, const void* input, void* output,
                          std::uint32_t times) {
   bare::start_ticks();
   const std::uint32_t begin = bare::ticks();
@@ -54,8 +53,7 @@ constexpr std::uint32_t kPaint = 0xC0FFEE5Au;
 
 namespace firmware {
 
-[[gnu::noinline]] Cost measure(void (*function)(const void*, void*), const void* input,
-                               void* output, bool once) {
+[[gnu::noinline]] Cost measure(Function function, const void* input, void* output, bool once) {
   Cost cost;
   volatile std::uint32_t* const floor = stack_floor();
   std::uint32_t* top;
@@ -84,27 +82,34 @@ namespace firmware {
 
 }  // namespace firmware
 
+namespace {
+
+// Returns how many words differ.
+int check(std::span<const firmware::Entry> entries,
+          std::span<const firmware::Recording> recordings) {
+  int wrong = 0;
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    const firmware::Outcome outcome = entries[i].check(recordings[i]);
+    tag::write_text(put, "case ");
+    tag::write_text(put, entries[i].symbol);
+    for (const auto number :
+         {static_cast<std::uint32_t>(outcome.words), static_cast<std::uint32_t>(outcome.different),
+          outcome.most_instructions, outcome.mean_instructions, outcome.stack}) {
+      put(' ');
+      tag::write_number(put, static_cast<std::int32_t>(number));
+    }
+    put('\n');
+    wrong += outcome.different;
+  }
+  return wrong;
+}
+
+}  // namespace
+
 int main() {
   int wrong = 0;
-  for (const auto& unit : {FIRMWARE_UNITS}) {
-    for (const firmware::Entry& entry : unit) {
-      for (const firmware::Recording& recorded : kRecordings) {
-        if (std::strcmp(entry.symbol, recorded.symbol) != 0) continue;
-        const firmware::Outcome outcome = entry.check(recorded);
-        firmware::write_text(put, "case ");
-        firmware::write_text(put, entry.symbol);
-        for (const auto number :
-             {static_cast<std::uint32_t>(outcome.words),
-              static_cast<std::uint32_t>(outcome.different), outcome.most_instructions,
-              outcome.mean_instructions, outcome.stack}) {
-          put(' ');
-          firmware::write_number(put, static_cast<std::int32_t>(number));
-        }
-        put('\n');
-        wrong += outcome.different;
-      }
-    }
-  }
-  firmware::write_text(put, wrong == 0 ? "all words as on the host\n" : "words differ\n");
+#define FIRMWARE_CHECK(unit) wrong += check(firmware::unit::entries(), k_##unit);
+  FIRMWARE_UNITS(FIRMWARE_CHECK)
+  tag::write_text(put, wrong == 0 ? "all words as on the host\n" : "words differ\n");
   return wrong == 0 ? 0 : 1;
 }

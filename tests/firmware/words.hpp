@@ -9,16 +9,17 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <type_traits>
+#include <utility>
 
 #include "uwbpos/core/result.hpp"
 #include "uwbpos/core/types.hpp"
-#include "uwbpos/ranging/ds_twr.hpp"
-#include "uwbpos/ranging/ss_twr.hpp"
+#include "uwbpos/time/device_time.hpp"
+
+#include "entry.hpp"
 
 namespace firmware {
-
-using Word = std::uint32_t;
 
 /// Reads words from a table in flash.
 class Reader {
@@ -65,60 +66,17 @@ void transfer(Words& words, std::array<T, N>& items) {
   for (T& item : items) transfer(words, item);
 }
 
-template <class Words, class... T>
-void transfer_all(Words& words, T&... items) {
-  (transfer(words, items), ...);
-}
-
-template <class Words>
-void transfer(Words& words, uwbpos::Measured<float>& m) {
-  transfer_all(words, m.value, m.variance);
-}
-template <class Words, int D>
-void transfer(Words& words, uwbpos::RangeTo<float, D>& r) {
-  transfer_all(words, r.anchor, r.range, r.sigma);
-}
-template <class Words, int D>
-void transfer(Words& words, uwbpos::TagRange<float, D>& r) {
-  transfer_all(words, r.lever_arm, r.anchor, r.range, r.sigma);
-}
-template <class Words, int D>
-void transfer(Words& words, uwbpos::DifferenceTo<float, D>& d) {
-  transfer_all(words, d.anchor, d.difference);
-}
-template <class Words, int D>
-void transfer(Words& words, uwbpos::PairDifference<float, D>& d) {
-  transfer_all(words, d.anchor_a, d.anchor_b, d.difference, d.sigma);
-}
-template <class Words, int D>
-void transfer(Words& words, uwbpos::Fix<float, D>& f) {
-  transfer_all(words, f.position, f.covariance, f.chi_squared, f.degrees_of_freedom);
-}
-template <class Words, int D>
-void transfer(Words& words, uwbpos::Mirror<float, D>& m) {
-  transfer_all(words, m.first, m.second);
-}
-template <class Words>
-void transfer(Words& words, uwbpos::Pose2<float>& p) {
-  transfer_all(words, p.position, p.heading, p.covariance);
-}
-template <class Words>
-void transfer(Words& words, uwbpos::LevelPose<float>& p) {
-  transfer_all(words, p.position, p.heading, p.covariance);
-}
-template <class Words>
-void transfer(Words& words, uwbpos::DeviceTime<>& t) {
+template <class Words, unsigned Bits>
+void transfer(Words& words, uwbpos::DeviceTime<Bits>& t) {
   std::uint64_t ticks = t.ticks();
   transfer(words, ticks);
-  t = uwbpos::DeviceTime<>{ticks};
+  t = uwbpos::DeviceTime<Bits>{ticks};
 }
-template <class Words>
-void transfer(Words& words, uwbpos::SsTwrStamps& s) {
-  transfer_all(words, s.poll_tx, s.poll_rx, s.resp_tx, s.resp_rx);
-}
-template <class Words>
-void transfer(Words& words, uwbpos::DsTwrStamps& s) {
-  transfer_all(words, s.poll_tx, s.poll_rx, s.resp_tx, s.resp_rx, s.final_tx, s.final_rx);
+
+template <class Words, class A, class B>
+void transfer(Words& words, std::pair<A, B>& both) {
+  transfer(words, both.first);
+  transfer(words, both.second);
 }
 
 /// A value, or the number of its error beyond 2³¹.
@@ -127,6 +85,71 @@ void transfer(Words& words, uwbpos::Result<T>& result) {
   Word verdict = result ? 0u : 0x80000000u + static_cast<Word>(result.error());
   words.word(verdict);
   if (result) transfer(words, *result);
+}
+
+/// Anything, as far as a count of members is concerned.
+struct Anything {
+  template <class T>
+  operator T() const;
+};
+
+template <class T, std::size_t... I>
+constexpr bool has_members(std::index_sequence<I...>) {
+  return requires { T{(static_cast<void>(I), Anything{})...}; };
+}
+
+/// How many members a struct has, up to eleven.
+template <class T, std::size_t N = 11>
+constexpr std::size_t count_members() {
+  if constexpr (has_members<T>(std::make_index_sequence<N>{})) {
+    return N;
+  } else {
+    return count_members<T, N - 1>();
+  }
+}
+
+template <class Words, class... T>
+void transfer_all(Words& words, T&... items) {
+  (transfer(words, items), ...);
+}
+
+/// Any struct of the library or of a case: its members in their order.
+template <class Words, class T>
+  requires std::is_aggregate_v<T>
+void transfer(Words& words, T& x) {
+  constexpr std::size_t kMembers = count_members<T>();
+  if constexpr (kMembers == 1) {
+    auto& [a] = x;
+    transfer_all(words, a);
+  } else if constexpr (kMembers == 2) {
+    auto& [a, b] = x;
+    transfer_all(words, a, b);
+  } else if constexpr (kMembers == 3) {
+    auto& [a, b, c] = x;
+    transfer_all(words, a, b, c);
+  } else if constexpr (kMembers == 4) {
+    auto& [a, b, c, d] = x;
+    transfer_all(words, a, b, c, d);
+  } else if constexpr (kMembers == 5) {
+    auto& [a, b, c, d, e] = x;
+    transfer_all(words, a, b, c, d, e);
+  } else if constexpr (kMembers == 6) {
+    auto& [a, b, c, d, e, f] = x;
+    transfer_all(words, a, b, c, d, e, f);
+  } else if constexpr (kMembers == 7) {
+    auto& [a, b, c, d, e, f, g] = x;
+    transfer_all(words, a, b, c, d, e, f, g);
+  } else if constexpr (kMembers == 8) {
+    auto& [a, b, c, d, e, f, g, h] = x;
+    transfer_all(words, a, b, c, d, e, f, g, h);
+  } else if constexpr (kMembers == 9) {
+    auto& [a, b, c, d, e, f, g, h, i] = x;
+    transfer_all(words, a, b, c, d, e, f, g, h, i);
+  } else {
+    static_assert(kMembers == 10, "a struct of more members");
+    auto& [a, b, c, d, e, f, g, h, i, j] = x;
+    transfer_all(words, a, b, c, d, e, f, g, h, i, j);
+  }
 }
 
 }  // namespace firmware

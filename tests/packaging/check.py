@@ -114,14 +114,15 @@ def check_all_tests():
         (tree / name).symlink_to(SOURCE / name)
     (tree / "include").symlink_to(out / "include")
     run("cmake", "-G", "Ninja", "-S", tree, "-B", tree / "build", "-DCMAKE_BUILD_TYPE=Release",
-        "-DUWBPOS_UNITY=ON", "-DUWBPOS_EXAMPLES=OFF", f"-DCMAKE_CXX_COMPILER={CXX}")  # fmt: skip
+        "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG", "-DUWBPOS_UNITY=ON", "-DUWBPOS_EXAMPLES=OFF",
+        f"-DCMAKE_CXX_COMPILER={CXX}")  # fmt: skip
     run("cmake", "--build", tree / "build", "--target", "uwbpos_tests")
     run(tree / "build/tests/uwbpos_tests", "--no-intro", cwd=SOURCE)
 
 
 def check_platformio():
     manifest = json.loads((SOURCE / "library.json").read_text())
-    known = {"name", "version", "description", "keywords", "license", "authors", "headers",
+    known = {"name", "version", "description", "keywords", "license", "homepage", "repository", "authors", "headers",
              "frameworks", "platforms", "dependencies", "build", "examples", "export"}  # fmt: skip
     expect(set(manifest) <= known, f"unknown fields: {set(manifest) - known}")
     expect(re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", manifest["name"]), "name")
@@ -192,7 +193,7 @@ def cmake_consumer(how, *settings):
 
 def check_esp_idf():
     manifest = module("yaml", "python3-yaml").safe_load((SOURCE / "idf_component.yml").read_text())
-    known = {"version", "description", "license", "tags", "files", "dependencies"}
+    known = {"version", "description", "license", "url", "tags", "files", "dependencies"}
     expect(set(manifest) <= known, f"unknown fields: {set(manifest) - known}")
     expect(manifest["version"] == version(), "version")
     expect(manifest["dependencies"]["espressif/eigen"]["require"] == "public", "Eigen is not public")

@@ -55,11 +55,18 @@ TEST_CASE("Bits above the counter's are dropped") {
 }  // namespace
 
 TEST_CASE_TEMPLATE("whole numbers of a scalar become integers exactly", S, float, double) {
-  for (const S whole : {S(0), S(1), S(-1), S(16777216), S(-16777218), S(4294967296.0), S(-6.4e7),
-                        S(1099511627776.0), S(-1099511758848.0)}) {
+  for (const S whole : {S(0), S(1), S(-1), S(16777216), S(-16777218), S(1073741824.0),
+                        S(-1073741824.0), S(4294967296.0), S(-6.4e7), S(1099511627776.0),
+                        S(-1099511758848.0), S(2305843009213693952.0), S(-2.3e17f)}) {
     CHECK(static_cast<S>(uwbpos::integer_ticks(whole)) == whole);
     CHECK(uwbpos::integer_ticks(whole) == static_cast<std::int64_t>(whole));
   }
+}
+
+TEST_CASE_TEMPLATE("a fraction of a tick is dropped", S, float, double) {
+  CHECK(uwbpos::integer_ticks(S(3.75)) == 3);
+  CHECK(uwbpos::integer_ticks(S(-3.75)) == -3);
+  CHECK(uwbpos::integer_ticks(S(1e6) + S(0.5)) == 1'000'000);
 }
 
 }  // namespace tests::time_device_time

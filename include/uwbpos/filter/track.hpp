@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "uwbpos/core/exponential.hpp"
 #include "uwbpos/filter/factored_covariance.hpp"
 #include "uwbpos/filter/gate.hpp"
 #include "uwbpos/filter/motion/propagation.hpp"
@@ -79,7 +80,7 @@ void step_by(Track<Motion, Biases>& track, const TrackModel<Motion>& model,
     f.template topLeftCorner<n, n>() = step.f;
     g.template topLeftCorner<n, noises>() = step.g;
     q.template head<noises>() = step.q;
-    const S kept = std::exp(-t / model.bias_time);  // (1)
+    const S kept = exponential(-t / model.bias_time);  // (1)
     for (int k = 0; k < Biases; ++k) {
       track.bias[k] *= kept;
       f(n + k, n + k) = kept;

@@ -22,8 +22,7 @@
 #include <type_traits>
 
 #include "uwbpos/core/constants.hpp"
-#include "uwbpos/core/eigen_svd.hpp"
-#include "uwbpos/frames/make_transform.hpp"
+#include "uwbpos/frames/best_rotation.hpp"
 
 namespace uwbpos {
 
@@ -57,34 +56,6 @@ struct FittedTransform {
   S chi_squared;           ///< sum of the squared distances over sigma²
   int degrees_of_freedom;  ///< n·D − 3 or − 6, what `chi_squared` should be near
 };
-
-/// R of equation (1) from H. Error::RotationUndetermined where another rotation fits as well: the
-/// best is only as sharp as the second singular value plus the signed third.
-template <class S, int D>
-[[nodiscard]] Result<Mat<S, D>> best_rotation(const Mat<S, D>& h) {
-  const S tolerance = S(16) * std::numeric_limits<S>::epsilon();
-  if constexpr (D == 2) {
-    const S c = h(0, 0) + h(1, 1);
-    const S s = h(1, 0) - h(0, 1);
-    const S length = std::sqrt(c * c + s * s);
-    const S size = std::abs(h(0, 0)) + std::abs(h(1, 1)) + std::abs(h(1, 0)) + std::abs(h(0, 1));
-    if (!(length > tolerance * size)) return std::unexpected(Error::RotationUndetermined);
-    Mat<S, 2> rotation;
-    rotation << c / length, -s / length, s / length, c / length;
-    return orthonormalised<S, 2>(rotation);
-  } else {
-    const Eigen::JacobiSVD<Mat<S, 3>> svd{h, Eigen::ComputeFullU | Eigen::ComputeFullV};
-    Mat<S, 3> u = svd.matrixU();
-    const Mat<S, 3> vt = transposed<S, 3, 3>(svd.matrixV());
-    const S sign = signed_volume<S, 3>(u) * signed_volume<S, 3>(vt) < S(0) ? S(-1) : S(1);
-    const Vec<S, 3>& s = svd.singularValues();
-    if (!(s[1] + sign * s[2] > tolerance * s[0])) {
-      return std::unexpected(Error::RotationUndetermined);
-    }
-    u.col(2) *= sign;
-    return orthonormalised<S, 3>(product(u, vt));
-  }
-}
 
 namespace detail {
 
@@ -179,8 +150,7 @@ Result<FittedTransform<S, D>> fit_transform(std::span<const SharedPoint<S, D>> s
 /// The transform `a_T_b` from points known in both frames: any contiguous range of
 /// `SharedPoint<S, D>`, from D to `kMaxMeasurements` of them. Mirrored or mismatched points show
 /// in `rms`, `worst` and `chi_squared`, and are not refused (in space, points of one plane fit
-/// their mirror image as well as themselves). O(n·D²), no allocation. The SVD in space is Eigen's,
-/// whose last bits differ by processor.
+/// their mirror image as well as themselves). O(n·D²), no allocation.
 /// Errors: Error::TooFewMeasurements; Error::TooManyMeasurements; Error::NotFinite;
 /// Error::NonPositiveSigma; Error::InvalidOption; Error::NumericOverflow;
 /// Error::RotationUndetermined, points that coincide, lie in line (in space; in the plane a line

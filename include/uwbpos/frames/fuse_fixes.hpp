@@ -174,9 +174,12 @@ template <class S, int D, int Capacity>
       subnets.covariance(a.slot, a.slot) + subnets.covariance(b.slot, b.slot) -
       subnets.covariance(a.slot, b.slot) - subnets.covariance(b.slot, a.slot);
   const S turn = difference.template bottomRightCorner<K, K>().trace();
-  const S arm = std::max(a.jacobian.template rightCols<K>().squaredNorm(),
-                         b.jacobian.template rightCols<K>().squaredNorm());
-  return turn * turn * arm;
+  S arms[2] = {};
+  for (int k = D; k < D + K; ++k) {
+    arms[0] += squared_norm<S, D>(a.jacobian.col(k));
+    arms[1] += squared_norm<S, D>(b.jacobian.col(k));
+  }
+  return turn * turn * std::max(arms[0], arms[1]);
 }
 
 /// `fuse_fixes`, after which the transforms learn from the fixes that agree, if there are two or

@@ -31,13 +31,14 @@ class WaveAssignment {
                  const Vec<S, D>& center, int max_repair)
       : lengths_{lengths}, max_repair_{max_repair} {
     const std::size_t n = lengths.size();
-    for (std::size_t i = 0; i < n; ++i) by_length_[i] = static_cast<int>(i);
-    std::sort(by_length_.begin(), by_length_.begin() + static_cast<std::ptrdiff_t>(n),
-              [&](int a, int b) {
-                const S first = lengths[static_cast<std::size_t>(a)];
-                const S second = lengths[static_cast<std::size_t>(b)];
-                return first != second ? first > second : a < b;
-              });
+    // Longest first, of equal ones the earlier; std::sort would call itself and be larger.
+    for (std::size_t i = 0; i < n; ++i) {
+      std::size_t k = i;
+      for (; k > 0 && lengths[static_cast<std::size_t>(by_length_[k - 1])] < lengths[i]; --k) {
+        by_length_[k] = by_length_[k - 1];
+      }
+      by_length_[k] = static_cast<int>(i);
+    }
     std::array<S, kMaxFsriReceivers> apart;
     for (std::size_t i = 0; i < n; ++i) apart[i] = squared_norm<S, D>(receivers[i] - center);
     for (std::size_t k = 0; k < n; ++k) {

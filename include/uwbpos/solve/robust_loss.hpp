@@ -12,6 +12,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "uwbpos/core/exponential.hpp"
+
 namespace uwbpos {
 
 /// Which loss a solver makes small.
@@ -48,7 +50,7 @@ template <class S>
     const S k = robust.tuning > S(0) ? robust.tuning : S(2.385);
     const S share = square / (k * k);
     const S weight = S(1) / (S(1) + share);
-    return {k * k * std::log1p(share), weight, weight * weight * (S(1) - share)};
+    return {k * k * logarithm_of_one_plus(share), weight, weight * weight * (S(1) - share)};
   }
   return {square, S(1), S(1)};
 }

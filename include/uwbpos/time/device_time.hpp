@@ -6,6 +6,7 @@
 /// A radio's timestamp counter, which wraps. DW1000/DW3000: 40 bits of 15.65 ps, 17.2 s a wrap;
 /// many firmwares log its low 32 bits, 67.2 ms a wrap.
 
+#include <bit>
 #include <cstdint>
 #include <limits>
 
@@ -59,18 +60,19 @@ class DeviceTime {
   std::uint64_t ticks_ = 0;
 };
 
-/// A whole number of ticks as an integer. `whole` is an integer, |whole| < 2^55. A processor
-/// without double has no instruction for it, and its library goes by way of double; in halves it
-/// takes ten.
+/// A number of ticks as an integer, |ticks| < 2^62; a fraction is dropped. A processor without
+/// double has no instruction for it, and its library goes by way of double; from its bits it takes
+/// ten.
 template <class S>
-[[nodiscard]] constexpr std::int64_t integer_ticks(S whole) {
+[[nodiscard]] constexpr std::int64_t integer_ticks(S ticks) {
   if constexpr (std::numeric_limits<S>::digits <= 24) {
-    constexpr std::int32_t kHalf = std::int32_t{1} << 24;
-    const auto high = static_cast<std::int32_t>(whole / S(kHalf));
-    const auto low = static_cast<std::int32_t>(whole - static_cast<S>(high) * S(kHalf));
-    return std::int64_t{high} * kHalf + low;
+    if (ticks < S(1 << 30) && ticks > -S(1 << 30)) return static_cast<std::int32_t>(ticks);
+    const auto bits = std::bit_cast<std::uint32_t>(ticks);
+    const auto exponent = static_cast<int>(bits >> 23 & 0xFFu) - 150;
+    const std::int64_t size = std::int64_t{(bits & 0x7FFFFFu) | 0x800000u} << exponent;
+    return bits >> 31 != 0 ? -size : size;
   } else {
-    return static_cast<std::int64_t>(whole);
+    return static_cast<std::int64_t>(ticks);
   }
 }
 

@@ -52,7 +52,7 @@ template <class S, unsigned Bits>
                                                       std::int64_t slack) {
   const S low = S(std::max<std::int64_t>(host_interval - slack, 1));
   const S within = expected > low ? std::min(expected, S(host_interval + slack)) : low;
-  return unwrap_interval(later, earlier, static_cast<std::int64_t>(within)).nearest;
+  return unwrap_interval(later, earlier, integer_ticks(within)).nearest;
 }
 
 }  // namespace uwbpos

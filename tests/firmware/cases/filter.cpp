@@ -4,11 +4,13 @@
 #include "uwbpos/filter/link_features.hpp"
 
 #include "../../examples/bias_training/lias/bias_network.hpp"
-#include "cases/entries.hpp"
+#include "bench.hpp"
 
-namespace {
+namespace firmware::filter {
 
 using namespace uwbpos;
+
+namespace {
 
 constexpr int kStates = 6;
 
@@ -16,11 +18,6 @@ struct Measurement {
   Vec<float, 3> row;
   float innovation, noise;
 };
-
-template <class Words>
-void transfer(Words& words, Measurement& m) {
-  firmware::transfer_all(words, m.row, m.innovation, m.noise);
-}
 
 KalmanFilter<float, kStates>& filter() {
   static KalmanFilter<float, kStates> instance{
@@ -35,11 +32,6 @@ struct Told {
   Result<float> variance;
 };
 
-template <class Words>
-void transfer(Words& words, Told& t) {
-  firmware::transfer_all(words, t.state, t.diagonal, t.variance);
-}
-
 // One scalar measurement of the position of a moving point.
 struct Update {
   static constexpr int kRounds = 40;
@@ -51,7 +43,7 @@ struct Update {
   static void make(Input& in, sim::Random& random, int) {
     Vec<double, 3> row{random.normal(), random.normal(), random.normal()};
     row /= row.norm();
-    in = {row.cast<float>(), firmware::to_float(random.normal(0, 0.1)), 0.01f};
+    in = {row.cast<float>(), to_float(random.normal(0, 0.1)), 0.01f};
   }
 #endif
 };
@@ -88,11 +80,6 @@ struct Link {
   std::uint32_t anchor, tag;
 };
 
-template <class Words>
-void transfer(Words& words, Link& l) {
-  firmware::transfer_all(words, l.offset, l.attitude, l.anchor, l.tag);
-}
-
 // How a link lies, and what its bias is: 21-50-50-1, weights in flash.
 struct Network {
   static constexpr int kRounds = 10;
@@ -103,12 +90,11 @@ struct Network {
   }
 #ifndef FIRMWARE_TARGET
   static void make(Input& in, sim::Random& random, int round) {
-    in.offset = {firmware::to_float(random.uniform(-5, 5)),
-                 firmware::to_float(random.uniform(-4, 4)), 0.084f};
+    in.offset = {to_float(random.uniform(-5, 5)), to_float(random.uniform(-4, 4)), 0.084f};
     const double angle = random.uniform(-3, 3);
     in.attitude.setIdentity();
-    in.attitude(0, 0) = in.attitude(1, 1) = firmware::to_float(std::cos(angle));
-    in.attitude(1, 0) = firmware::to_float(std::sin(angle));
+    in.attitude(0, 0) = in.attitude(1, 1) = to_float(std::cos(angle));
+    in.attitude(1, 0) = to_float(std::sin(angle));
     in.attitude(0, 1) = -in.attitude(1, 0);
     in.anchor = static_cast<std::uint32_t>(round % 8);
     in.tag = static_cast<std::uint32_t>(round % 3);
@@ -118,13 +104,10 @@ struct Network {
 
 }  // namespace
 
-FIRMWARE_FUNCTION(kalman_update_6_3, Update)
-FIRMWARE_FUNCTION(kalman_predict_6, Predict)
-FIRMWARE_FUNCTION(bias_network_21_50_50, Network)
+#define FILTER_CASES(X)        \
+  X(kalman_update_6_3, Update) \
+  X(kalman_predict_6, Predict) \
+  X(bias_network_21_50_50, Network)
+FIRMWARE_UNIT(FILTER_CASES)
 
-std::span<const firmware::Entry> firmware::filter_entries() {
-  static constexpr Entry kEntries[] = {FIRMWARE_ENTRY(kalman_update_6_3, Update),
-                                       FIRMWARE_ENTRY(kalman_predict_6, Predict),
-                                       FIRMWARE_ENTRY(bias_network_21_50_50, Network)};
-  return kEntries;
-}
+}  // namespace firmware::filter

@@ -1,52 +1,26 @@
 // SPDX-License-Identifier: MIT
 // Headings, poses, velocities, targets.
+#include "uwbpos/accuracy/pose_bound.hpp"
 #include "uwbpos/pose/target.hpp"
 #include "uwbpos/pose/twist.hpp"
 #include "uwbpos/pose/two_tag.hpp"
 #include "uwbpos/solve/pose_from_ranges.hpp"
 
-#include "cases/entries.hpp"
+#include "bench.hpp"
 
-namespace uwbpos {
-
-template <class Words, int D>
-void transfer(Words& words, PoseFix<float, D>& f) {
-  firmware::transfer_all(words, f.pose, f.chi_squared, f.degrees_of_freedom);
-}
-template <class Words>
-void transfer(Words& words, Twist2<float>& t) {
-  firmware::transfer_all(words, t.global_velocity, t.body_velocity, t.turn_rate,
-                         t.global_covariance, t.body_covariance);
-}
-template <class Words>
-void transfer(Words& words, Target<float>& t) {
-  firmware::transfer_all(words, t.distance, t.bearing, t.ahead, t.distance_variance,
-                         t.bearing_variance);
-}
-
-}  // namespace uwbpos
-
-namespace {
+namespace firmware::pose {
 
 using namespace uwbpos;
+
+namespace {
 
 struct TwoTags {
   Fix<float, 2> left, right;
 };
 
-template <class Words>
-void transfer(Words& words, TwoTags& t) {
-  firmware::transfer_all(words, t.left, t.right);
-}
-
 struct TwoPoses {
   Pose2<float> first, second;
 };
-
-template <class Words>
-void transfer(Words& words, TwoPoses& p) {
-  firmware::transfer_all(words, p.first, p.second);
-}
 
 #ifndef FIRMWARE_TARGET
 Mat<float, 2> some_covariance(sim::Random& random) {
@@ -54,8 +28,7 @@ Mat<float, 2> some_covariance(sim::Random& random) {
   const double b = random.uniform(1e-4, 4e-4);
   const double ab = random.uniform(-0.5, 0.5) * std::sqrt(a * b);
   Mat<float, 2> covariance;
-  covariance << firmware::to_float(a), firmware::to_float(ab), firmware::to_float(ab),
-      firmware::to_float(b);
+  covariance << to_float(a), to_float(ab), to_float(ab), to_float(b);
   return covariance;
 }
 #endif
@@ -67,7 +40,7 @@ struct Heading {
   static Output run(const Input& in) { return two_tag_pose(in.left, in.right, 0.6f); }
 #ifndef FIRMWARE_TARGET
   static void make(Input& in, sim::Random& random, int) {
-    const Vec<double, 2> at = firmware::point_in_room(random).head<2>();
+    const Vec<double, 2> at = point_in_room(random).head<2>();
     const double angle = random.uniform(-std::numbers::pi, std::numbers::pi);
     const Vec<double, 2> arm{-0.3 * std::sin(angle), 0.3 * std::cos(angle)};
     const auto fix = [&](const Vec<double, 2>& place) {
@@ -89,8 +62,8 @@ struct Twist {
 #ifndef FIRMWARE_TARGET
   static void make(Input& in, sim::Random& random, int) {
     for (Pose2<float>* pose : {&in.first, &in.second}) {
-      pose->position = firmware::point_in_room(random).head<2>().cast<float>();
-      pose->heading = firmware::to_float(random.uniform(-3, 3));
+      pose->position = point_in_room(random).head<2>().cast<float>();
+      pose->heading = to_float(random.uniform(-3, 3));
       pose->covariance.setZero();
       pose->covariance.topLeftCorner<2, 2>() = some_covariance(random);
       pose->covariance(2, 2) = 1e-3f;
@@ -116,6 +89,41 @@ struct Pose3d {
   using Output = Result<PoseFix<float, 3>>;
   static Output run(const Input& in) { return solve_pose(in); }
 };
+struct PoseRecorded {
+  static constexpr int kRounds = 5;
+  using Input = std::array<TagRange<float, 3>, 24>;
+  using Output = Result<PoseFix<float, 3>>;
+  static Output run(const Input& in) { return solve_pose(in, {.side = {0, 0, -1}}); }
+#ifndef FIRMWARE_TARGET
+  static void make(Input& in, sim::Random&, int round) {
+    const std::vector<Row> rows = recorded("lias_mid");
+    const std::vector<Row> anchors = recorded("lias_anchors");
+    const std::vector<Row> tags = recorded("lias_tags");
+    const auto point = [](const Row& row) {
+      return Vec<float, 3>{to_float(row[1]), to_float(row[2]), to_float(row[3])};
+    };
+    for (std::size_t i = 0; i < in.size(); ++i) {
+      const Row& row = rows[static_cast<std::size_t>(round) * 24 + i];
+      in[i] = {point(tags[static_cast<std::size_t>(row[1])]),
+               point(anchors[static_cast<std::size_t>(row[2])]), to_float(row[3]), 0.1f};
+    }
+  }
+#endif
+};
+struct Known3d : Pose3d {
+  static Output run(const Input& in) {
+    return solve_pose(in,
+                      {.heading = Measured<float>{0.3f, 1.0f}, .height = Measured<float>{3, 1}});
+  }
+};
+struct PoseHuber : Pose2d {
+  static constexpr int kRounds = 2;
+  static Output run(const Input& in) { return solve_pose(in, {.robust = {Loss::Huber}}); }
+};
+struct Bound : Pose2d {
+  using Output = Result<Mat<float, 3>>;
+  static Output run(const Input& in) { return pose_bound(in, Vec<float, 2>{7, 6}, 0.5f); }
+};
 struct PoseRobust : Pose2d {
   static constexpr int kRounds = 2;
   static Output run(const Input& in) { return solve_pose(in, {.robust = {Loss::Cauchy}}); }
@@ -123,19 +131,17 @@ struct PoseRobust : Pose2d {
 
 }  // namespace
 
-FIRMWARE_FUNCTION(two_tag_pose_, Heading)
-FIRMWARE_FUNCTION(twist_between_, Twist)
-FIRMWARE_FUNCTION(bearing_to_, Bearing)
-FIRMWARE_FUNCTION(pose_from_ranges_2d_8, Pose2d)
-FIRMWARE_FUNCTION(pose_from_ranges_3d_12, Pose3d)
-FIRMWARE_FUNCTION(pose_from_ranges_2d_cauchy, PoseRobust)
+#define POSE_CASES(X)                              \
+  X(two_tag_pose_, Heading)                        \
+  X(twist_between_, Twist)                         \
+  X(bearing_to_, Bearing)                          \
+  X(pose_from_ranges_2d_8, Pose2d)                 \
+  X(pose_from_ranges_3d_12, Pose3d)                \
+  X(pose_from_ranges_3d_24_recorded, PoseRecorded) \
+  X(pose_from_ranges_3d_known, Known3d)            \
+  X(pose_from_ranges_2d_huber, PoseHuber)          \
+  X(pose_from_ranges_2d_cauchy, PoseRobust)        \
+  X(pose_bound_2d_8, Bound)
+FIRMWARE_UNIT(POSE_CASES)
 
-std::span<const firmware::Entry> firmware::pose_entries() {
-  static constexpr Entry kEntries[] = {FIRMWARE_ENTRY(two_tag_pose_, Heading),
-                                       FIRMWARE_ENTRY(twist_between_, Twist),
-                                       FIRMWARE_ENTRY(bearing_to_, Bearing),
-                                       FIRMWARE_ENTRY(pose_from_ranges_2d_8, Pose2d),
-                                       FIRMWARE_ENTRY(pose_from_ranges_3d_12, Pose3d),
-                                       FIRMWARE_ENTRY(pose_from_ranges_2d_cauchy, PoseRobust)};
-  return kEntries;
-}
+}  // namespace firmware::pose

@@ -8,29 +8,13 @@
 #include "uwbpos/solve/toa_chan.hpp"
 #include "uwbpos/solve/toa_linear.hpp"
 
-#include "cases/biased_fix.hpp"
-#include "cases/entries.hpp"
+#include "bench.hpp"
 
-namespace uwbpos {
-
-template <class Words, int D>
-void transfer(Words& words, BancroftSolution<float, D>& b) {
-  firmware::transfer_all(words, b.first.position, b.first.bias, b.second.position, b.second.bias);
-}
-template <class Words, int D>
-void transfer(Words& words, ExclusionFix<float, D>& e) {
-  firmware::transfer_all(words, e.fix, e.excluded, e.excluded_count, e.consistent);
-}
-template <class Words>
-void transfer(Words& words, Dop<float>& d) {
-  firmware::transfer_all(words, d.gdop, d.pdop, d.hdop, d.vdop);
-}
-
-}  // namespace uwbpos
-
-namespace {
+namespace firmware::position {
 
 using namespace uwbpos;
+
+namespace {
 
 template <int D, std::size_t N>
 struct FromRanges {
@@ -58,6 +42,23 @@ struct ClosedForm3 : FromRanges<3, 4> {
 struct Locate3 : FromRanges<3, 8> {
   static Output run(const Input& in) { return locate(in); }
 };
+// Three tags among eight anchors, ten poses.
+struct LocateRecorded : FromRanges<3, 8> {
+  static Output run(const Input& in) { return locate(in, {.side = {0, 0, -1}}); }
+#ifndef FIRMWARE_TARGET
+  static void make(Input& in, sim::Random&, int round) {
+    const std::vector<Row> rows = recorded("lias_mid");
+    const std::vector<Row> anchors = recorded("lias_anchors");
+    const auto tag = static_cast<std::size_t>(round % 3);
+    for (std::size_t i = 0; i < 8; ++i) {
+      const Row& row = rows[static_cast<std::size_t>(round / 3) * 24 + 3 * i + tag];
+      const Row& anchor = anchors[static_cast<std::size_t>(row[2])];
+      in[i] = {
+          {to_float(anchor[1]), to_float(anchor[2]), to_float(anchor[3])}, to_float(row[3]), 0.1f};
+    }
+  }
+#endif
+};
 struct Locate2 : FromRanges<2, 4> {
   static Output run(const Input& in) { return locate(in); }
 };
@@ -69,10 +70,9 @@ struct LocateCeiling : FromRanges<3, 6> {
   static void make(Input& in, sim::Random& random, int) {
     const Vec<double, 3> tag{random.uniform(0, 20), random.uniform(0, 15), random.uniform(0, 2)};
     for (std::size_t i = 0; i < in.size(); ++i) {
-      Vec<double, 3> anchor = firmware::point_in_room(random);
+      Vec<double, 3> anchor = point_in_room(random);
       anchor[2] = 5;
-      in[i] = {anchor.cast<float>(),
-               firmware::to_float((tag - anchor).norm() + random.normal(0, 0.1)), 0.1f};
+      in[i] = {anchor.cast<float>(), to_float((tag - anchor).norm() + random.normal(0, 0.1)), 0.1f};
     }
   }
 #endif
@@ -107,6 +107,14 @@ struct Dilution3 : FromRanges<3, 8> {
     return range_dop(anchors, Vec<float, 3>{7, 6, 2});
   }
 };
+struct PseudorangeDilution3 : FromRanges<3, 8> {
+  using Output = Result<Dop<float>>;
+  static Output run(const Input& in) {
+    std::array<Vec<float, 3>, 8> anchors;
+    for (std::size_t i = 0; i < 8; ++i) anchors[i] = in[i].anchor;
+    return pseudorange_dop(anchors, Vec<float, 3>{7, 6, 2});
+  }
+};
 struct Bound3 : FromRanges<3, 8> {
   using Output = Result<Mat<float, 3>>;
   static Output run(const Input& in) { return cramer_rao_bound(in, Vec<float, 3>{7, 6, 2}); }
@@ -114,33 +122,22 @@ struct Bound3 : FromRanges<3, 8> {
 
 }  // namespace
 
-FIRMWARE_FUNCTION(toa_least_squares_3d_8, LeastSquares3)
-FIRMWARE_FUNCTION(toa_least_squares_2d_4, LeastSquares2)
-FIRMWARE_FUNCTION(toa_linear_3d_8, Linear3)
-FIRMWARE_FUNCTION(toa_chan_3d_8, Chan3)
-FIRMWARE_FUNCTION(toa_closed_form_3d_4, ClosedForm3)
-FIRMWARE_FUNCTION(locate_3d_8, Locate3)
-FIRMWARE_FUNCTION(locate_2d_4, Locate2)
-FIRMWARE_FUNCTION(locate_ceiling_6, LocateCeiling)
-FIRMWARE_FUNCTION(locate_excluding_3d_8, Excluding3)
-FIRMWARE_FUNCTION(bancroft_3d_8, Bancroft3)
-FIRMWARE_FUNCTION(locate_with_bias_3d_8, WithBias3)
-FIRMWARE_FUNCTION(range_dop_3d_8, Dilution3)
-FIRMWARE_FUNCTION(cramer_rao_bound_3d_8, Bound3)
+#define POSITION_CASES(X)                       \
+  X(toa_least_squares_3d_8, LeastSquares3)      \
+  X(toa_least_squares_2d_4, LeastSquares2)      \
+  X(toa_linear_3d_8, Linear3)                   \
+  X(toa_chan_3d_8, Chan3)                       \
+  X(toa_closed_form_3d_4, ClosedForm3)          \
+  X(locate_3d_8, Locate3)                       \
+  X(locate_3d_8_recorded, LocateRecorded)       \
+  X(locate_2d_4, Locate2)                       \
+  X(locate_ceiling_6, LocateCeiling)            \
+  X(locate_excluding_3d_8, Excluding3)          \
+  X(bancroft_3d_8, Bancroft3)                   \
+  X(locate_with_bias_3d_8, WithBias3)           \
+  X(range_dop_3d_8, Dilution3)                  \
+  X(pseudorange_dop_3d_8, PseudorangeDilution3) \
+  X(cramer_rao_bound_3d_8, Bound3)
+FIRMWARE_UNIT(POSITION_CASES)
 
-std::span<const firmware::Entry> firmware::position_entries() {
-  static constexpr Entry kEntries[] = {FIRMWARE_ENTRY(toa_least_squares_3d_8, LeastSquares3),
-                                       FIRMWARE_ENTRY(toa_least_squares_2d_4, LeastSquares2),
-                                       FIRMWARE_ENTRY(toa_linear_3d_8, Linear3),
-                                       FIRMWARE_ENTRY(toa_chan_3d_8, Chan3),
-                                       FIRMWARE_ENTRY(toa_closed_form_3d_4, ClosedForm3),
-                                       FIRMWARE_ENTRY(locate_3d_8, Locate3),
-                                       FIRMWARE_ENTRY(locate_2d_4, Locate2),
-                                       FIRMWARE_ENTRY(locate_ceiling_6, LocateCeiling),
-                                       FIRMWARE_ENTRY(locate_excluding_3d_8, Excluding3),
-                                       FIRMWARE_ENTRY(bancroft_3d_8, Bancroft3),
-                                       FIRMWARE_ENTRY(locate_with_bias_3d_8, WithBias3),
-                                       FIRMWARE_ENTRY(range_dop_3d_8, Dilution3),
-                                       FIRMWARE_ENTRY(cramer_rao_bound_3d_8, Bound3)};
-  return kEntries;
-}
+}  // namespace firmware::position

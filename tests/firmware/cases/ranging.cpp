@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: MIT
 // Timestamps to ranges, bias by power, heights.
 #include "uwbpos/geometry/height.hpp"
+#include "uwbpos/ranging/ds_twr.hpp"
 #include "uwbpos/ranging/range_bias.hpp"
+#include "uwbpos/ranging/ss_twr.hpp"
 
-#include "cases/entries.hpp"
+#include "bench.hpp"
 
-namespace {
+namespace firmware::ranging {
 
 using namespace uwbpos;
+
+namespace {
 using Range = Result<Measured<float>>;
 
 struct DsTwr {
@@ -33,16 +37,26 @@ struct SsTwr {
   }
 };
 
+// Intervals survive in the 32 bits that were logged.
+struct SsTwrRecorded : SsTwr {
+#ifndef FIRMWARE_TARGET
+  static void make(Input& in, sim::Random&, int round) {
+    const Row row = recorded("hanyang_static_los")[static_cast<std::size_t>(round)];
+    const auto stamp = [&](std::size_t column) {
+      return DeviceTime<32>{static_cast<std::uint64_t>(row[column])};
+    };
+    in = {};
+    in.resp_tx = in.poll_rx + (stamp(5) - stamp(4));
+    in.resp_rx = in.poll_tx + (stamp(6) - stamp(3));
+  }
+#endif
+};
+
 // A range, the power that it came with, and the heights of its ends.
 struct Reading {
   Measured<float> range;
   float power, anchor_height, tag_height;
 };
-
-template <class Words>
-void transfer(Words& words, Reading& r) {
-  firmware::transfer_all(words, r.range, r.power, r.anchor_height, r.tag_height);
-}
 
 struct OfReading {
   static constexpr int kRounds = 20;
@@ -50,10 +64,8 @@ struct OfReading {
   using Output = Range;
 #ifndef FIRMWARE_TARGET
   static void make(Input& in, sim::Random& random, int) {
-    in = {{firmware::to_float(random.uniform(1, 30)), 0.01f},
-          firmware::to_float(random.uniform(-100, -75)),
-          2.5f,
-          0.5f};
+    in = {
+        {to_float(random.uniform(1, 30)), 0.01f}, to_float(random.uniform(-100, -75)), 2.5f, 0.5f};
   }
 #endif
 };
@@ -74,16 +86,13 @@ struct Height : OfReading {
 
 }  // namespace
 
-FIRMWARE_FUNCTION(ds_twr_range_asymmetric, DsTwr)
-FIRMWARE_FUNCTION(ds_twr_range_symmetric_, DsTwrSymmetric)
-FIRMWARE_FUNCTION(ss_twr_range_, SsTwr)
-FIRMWARE_FUNCTION(correct_range_bias_, Bias)
-FIRMWARE_FUNCTION(horizontal_range_, Height)
+#define RANGING_CASES(X)                     \
+  X(ds_twr_range_asymmetric, DsTwr)          \
+  X(ds_twr_range_symmetric_, DsTwrSymmetric) \
+  X(ss_twr_range_, SsTwr)                    \
+  X(ss_twr_range_recorded, SsTwrRecorded)    \
+  X(correct_range_bias_, Bias)               \
+  X(horizontal_range_, Height)
+FIRMWARE_UNIT(RANGING_CASES)
 
-std::span<const firmware::Entry> firmware::ranging_entries() {
-  static constexpr Entry kEntries[] = {
-      FIRMWARE_ENTRY(ds_twr_range_asymmetric, DsTwr),
-      FIRMWARE_ENTRY(ds_twr_range_symmetric_, DsTwrSymmetric), FIRMWARE_ENTRY(ss_twr_range_, SsTwr),
-      FIRMWARE_ENTRY(correct_range_bias_, Bias), FIRMWARE_ENTRY(horizontal_range_, Height)};
-  return kEntries;
-}
+}  // namespace firmware::ranging

@@ -4,8 +4,7 @@
 
 #include "uwbpos/solve/fsri.hpp"
 
-#include "cases/biased_fix.hpp"
-#include "cases/entries.hpp"
+#include "bench.hpp"
 
 namespace uwbpos {
 
@@ -19,9 +18,11 @@ void transfer(Words& words, FsriShot<float, N>& s) {
 
 }  // namespace uwbpos
 
-namespace {
+namespace firmware::ultrasonic {
 
 using namespace uwbpos;
+
+namespace {
 
 std::array<Vec<float, 2>, 4> receivers() {
   return {Vec<float, 2>{0, 0}, Vec<float, 2>{0.4f, 0}, Vec<float, 2>{0.8f, 0},
@@ -37,6 +38,19 @@ struct Length {
   static void make(Input& in, sim::Random& random, int) {
     in = static_cast<std::uint32_t>(random.integer(3000, 80000));
   }
+#endif
+};
+
+struct Sound {
+  static constexpr int kRounds = 20;
+  using Input = float;
+  using Output = std::array<Result<float>, 3>;
+  static Output run(const Input& in) {
+    return {speed_of_sound(in), temperature_from_speed_of_sound(330 + in / 2),
+            ultrasonic_wavelength(in)};
+  }
+#ifndef FIRMWARE_TARGET
+  static void make(Input& in, sim::Random& random, int) { in = to_float(random.uniform(-70, 80)); }
 #endif
 };
 
@@ -57,7 +71,7 @@ struct Shot {
     const Vec<double, 2> emitter{random.uniform(-0.5, 1.5), random.uniform(0.8, 2.5)};
     for (std::size_t i = 0; i < N; ++i) {
       const double distance = (emitter - receivers()[i].template cast<double>()).norm();
-      in[i] = firmware::to_float(distance + 0.018 + random.normal(0, 0.0001));
+      in[i] = to_float(distance + 0.018 + random.normal(0, 0.0001));
     }
     if (round % 2 == 1) in[N - 1] += FsriOptions<float>{}.wavelength;
   }
@@ -75,16 +89,13 @@ struct TimeDifference : Shot<3> {
 
 }  // namespace
 
-FIRMWARE_FUNCTION(ultrasonic_length_, Length)
-FIRMWARE_FUNCTION(fsri_3, Shot<3>)
-FIRMWARE_FUNCTION(fsri_4, Shot<4>)
-FIRMWARE_FUNCTION(locate_conventional_, Conventional)
-FIRMWARE_FUNCTION(locate_time_difference_, TimeDifference)
+#define ULTRASONIC_CASES(X)             \
+  X(ultrasonic_length_, Length)         \
+  X(speed_of_sound_, Sound)             \
+  X(fsri_3, Shot<3>)                    \
+  X(fsri_4, Shot<4>)                    \
+  X(locate_conventional_, Conventional) \
+  X(locate_time_difference_, TimeDifference)
+FIRMWARE_UNIT(ULTRASONIC_CASES)
 
-std::span<const firmware::Entry> firmware::ultrasonic_entries() {
-  static constexpr Entry kEntries[] = {
-      FIRMWARE_ENTRY(ultrasonic_length_, Length), FIRMWARE_ENTRY(fsri_3, Shot<3>),
-      FIRMWARE_ENTRY(fsri_4, Shot<4>), FIRMWARE_ENTRY(locate_conventional_, Conventional),
-      FIRMWARE_ENTRY(locate_time_difference_, TimeDifference)};
-  return kEntries;
-}
+}  // namespace firmware::ultrasonic

@@ -5,4 +5,3 @@
 /// Stands for the header of the same name in the Arduino library "Bolder Flight Systems Eigen".
 
 #include <Eigen/Core>
-#include <Eigen/SVD>

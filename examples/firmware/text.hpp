@@ -6,7 +6,7 @@
 
 #include <cstdint>
 
-namespace firmware {
+namespace tag {
 
 template <class Put>
 void write_text(const Put& put, const char* text) {
@@ -52,4 +52,4 @@ void write_fixed(const Put& put, float value, int decimals, int width) {
   write_number(put, back, decimals, '0');
 }
 
-}  // namespace firmware
+}  // namespace tag
