@@ -63,12 +63,23 @@ Estimate estimate_of(const InertialPose<double>& p, double) {
 template <class Motion>
 constexpr bool kDriven = std::is_same_v<Motion, Inertial<double>>;
 
-// A tracker of one motion, with a factor on the sigmas of what it is fed.
-template <class Motion>
+// What a radio's errors are taken for.
+struct RadioNoise {
+  double white = 1;      // times the sigmas of what a tracker is fed
+  double bias = 0;       // of links, times the typical sigma
+  double bias_time = 0;  // in which they change [s]
+};
+
+// A tracker of one motion, with `Biases` for links.
+template <class Motion, int Biases>
 class Follower final : public Hypothesis {
  public:
-  Follower(const BankOptions& bank, const TrackerOptions<Motion>& options, double factor)
-      : bank_{bank}, options_{options}, factor_{factor} {
+  Follower(const BankOptions& bank, const TrackerOptions<Motion>& options, const RadioNoise& noise)
+      : bank_{bank}, options_{options}, factor_{noise.white} {
+    if (Biases > 0) {
+      options_.model.bias_sigma = noise.bias * bank.sigma;
+      options_.model.bias_time = noise.bias_time;
+    }
     make();
   }
 
@@ -115,10 +126,16 @@ class Follower final : public Hypothesis {
   }
   [[nodiscard]] bool tracking() const override { return tracker_->tracking(); }
   [[nodiscard]] bool inertial() const override { return kDriven<Motion>; }
+  [[nodiscard]] bool estimates_biases() const override { return Biases > 0; }
 
  private:
   static constexpr TrackerSize kSize{
-      .anchors = kMostAnchors, .tags = 16, .window = kDriven<Motion> ? 512 : 128, .stride = 32};
+      .anchors = kMostAnchors,
+      .tags = 16,
+      .biases = Biases,
+      .window = kDriven<Motion> ? 512 : 128,
+      .stride = 32,
+      .bias_by_link = true};
   using Following = Tracker<Motion, kSize>;
 
   // What biases of links depend on.
@@ -242,9 +259,28 @@ TrackerOptions<Motion> options_for(const BankOptions& bank) {
   return options;
 }
 
-// Of sigmas: as they are told, or the default, and for a radio in a worse place than that. Not
-// less: what is correlated looks like little noise.
-constexpr std::array<double, 2> kSigmaFactors{1, 1.8};
+// A radio's errors: as they are told, or the default, and white; white, in a worse place than that;
+// a little noise on biases of the links that change within seconds of driving, and more of both.
+// White and less: never, what is correlated looks like little noise.
+constexpr std::array<RadioNoise, 6> kRadioNoises{
+    {{1}, {1.8}, {0.3, 0.45, 1}, {0.3, 0.6, 3}, {0.6, 1.2, 1}, {0.6, 1.2, 3}}};
+
+// One tag alone tells too little of its links' biases, and estimating them costs accuracy.
+constexpr std::array<RadioNoise, 2> kWhiteNoises{{{1}, {1.8}}};
+
+template <class Motion>
+std::unique_ptr<Hypothesis> follower(const BankOptions& bank, const TrackerOptions<Motion>& options,
+                                     const RadioNoise& noise) {
+  return std::make_unique<Follower<Motion, 0>>(bank, options, noise);
+}
+std::unique_ptr<Hypothesis> follower(const BankOptions& bank,
+                                     const TrackerOptions<PlanarBody<double>>& options,
+                                     const RadioNoise& noise) {
+  constexpr int most = 32;  // links whose bias is estimated
+  using Estimating = Follower<PlanarBody<double>, most>;
+  if (noise.bias > 0) return std::make_unique<Estimating>(bank, options, noise);
+  return std::make_unique<Follower<PlanarBody<double>, 0>>(bank, options, noise);
+}
 
 }  // namespace
 
@@ -261,46 +297,50 @@ HypothesisBank::HypothesisBank(BankOptions options) : options_{std::move(options
       add_inertial();
       break;
     case BodyMotion::kPlanarBody:
-      for (const double factor : kSigmaFactors) {
-        // Forward, sideward [m/s²/√Hz] and angular [rad/s²/√Hz], from a trolley that is pushed at a
-        // walk to a nimble robot. Each is believed a little less beforehand than the one before.
-        constexpr std::array<std::array<double, 3>, 6> motions{{{0.01, 0.001, 0.05},
-                                                                {0.02, 0.002, 0.1},
-                                                                {0.05, 0.01, 0.15},
-                                                                {0.2, 0.05, 0.5},
-                                                                {0.5, 0.5, 1},
-                                                                {2, 2, 4}}};
-        constexpr double handicap = 4;
-        double less = 0;
-        for (const auto& [forward, sideward, angular] : motions) {
-          auto o = options_for<PlanarBody<double>>(options_);
-          o.model.motion.acceleration = forward;
-          o.model.motion.sideward_acceleration = sideward;
-          o.model.motion.turn_acceleration = angular;
-          // Several tags tell enough of each other to do without all that bends or echoes.
-          o.model.gate.sigmas = 2;
-          all_.push_back(std::make_unique<Follower<PlanarBody<double>>>(options_, o, factor));
-          all_.back()->handicap = less;
-          less += handicap;
-        }
-      }
+      add_bodies();
       break;
   }
 }
 
+void HypothesisBank::add_bodies() {
+  // Forward, sideward [m/s²/√Hz] and angular [rad/s²/√Hz], from a trolley that is pushed at a walk
+  // to a nimble robot. Each is believed a little less beforehand than the one before.
+  constexpr std::array<std::array<double, 3>, 6> motions{{{0.01, 0.001, 0.05},
+                                                          {0.02, 0.002, 0.1},
+                                                          {0.05, 0.01, 0.15},
+                                                          {0.2, 0.05, 0.5},
+                                                          {0.5, 0.5, 1},
+                                                          {2, 2, 4}}};
+  constexpr double handicap = 4;
+  for (const RadioNoise& noise : kRadioNoises) {
+    double less = 0;
+    for (const auto& [forward, sideward, angular] : motions) {
+      auto o = options_for<PlanarBody<double>>(options_);
+      o.model.motion.acceleration = forward;
+      o.model.motion.sideward_acceleration = sideward;
+      o.model.motion.turn_acceleration = angular;
+      // Several tags tell enough of each other to do without all that bends or echoes, unless that
+      // is estimated.
+      if (noise.bias == 0) o.model.gate.sigmas = 2;
+      all_.push_back(follower(options_, o, noise));
+      all_.back()->handicap = less;
+      less += handicap;
+    }
+  }
+}
+
 void HypothesisBank::add_points(int dimension) {
-  for (const double factor : kSigmaFactors) {
+  const auto add = [this](auto motion, const RadioNoise& noise, double acceleration) {
+    auto o = options_for<decltype(motion)>(options_);
+    o.model.motion.acceleration = acceleration;
+    all_.push_back(follower(options_, o, noise));
+  };
+  for (const RadioNoise& noise : kWhiteNoises) {
     for (const double acceleration : {0.15, 0.5, 1.5, 5.0}) {
       if (dimension == 2) {
-        auto o = options_for<ConstantVelocity<double, 2>>(options_);
-        o.model.motion.acceleration = acceleration;
-        all_.push_back(
-            std::make_unique<Follower<ConstantVelocity<double, 2>>>(options_, o, factor));
+        add(ConstantVelocity<double, 2>{}, noise, acceleration);
       } else {
-        auto o = options_for<ConstantVelocity<double, 3>>(options_);
-        o.model.motion.acceleration = acceleration;
-        all_.push_back(
-            std::make_unique<Follower<ConstantVelocity<double, 3>>>(options_, o, factor));
+        add(ConstantVelocity<double, 3>{}, noise, acceleration);
       }
     }
   }
@@ -308,17 +348,22 @@ void HypothesisBank::add_points(int dimension) {
 
 void HypothesisBank::add_inertial() {
   constexpr int yaws = 8;
-  // Noise of accelerometer and gyro, by how much the frame shakes, and the factor on sigmas.
-  constexpr std::array<std::array<double, 3>, 3> noises{
-      {{0.1, 0.005, 1}, {0.5, 0.02, 1}, {0.3, 0.01, 1.8}}};
-  for (const auto& [accelerometer, gyro, factor] : noises) {
+  // Noise of accelerometer and gyro, by how much the frame shakes.
+  struct Noise {
+    double accelerometer;
+    double gyro;
+    RadioNoise radio;
+  };
+  constexpr std::array<Noise, 3> noises{
+      {{0.1, 0.005, {1}}, {0.5, 0.02, {1}}, {0.3, 0.01, {1.8}}}};
+  for (const auto& [accelerometer, gyro, radio] : noises) {
     for (int k = 0; k < yaws; ++k) {
       auto o = options_for<Inertial<double>>(options_);
       constexpr double spread = 0.4;  // [rad], half of the way to the next
       o.heading = Measured<double>{wrap_angle(2 * std::numbers::pi * k / yaws), spread * spread};
       o.model.motion.accelerometer_noise = accelerometer;
       o.model.motion.gyro_noise = gyro;
-      all_.push_back(std::make_unique<Follower<Inertial<double>>>(options_, o, factor));
+      all_.push_back(follower(options_, o, radio));
     }
   }
 }
@@ -404,22 +449,36 @@ Result<Estimate> HypothesisBank::at(std::int64_t time) {
   if (!best) return best;
   struct Weighed {
     double weight;
+    bool estimates_biases;
     Estimate estimate;
   };
   std::vector<Weighed> weighed;
-  double total = 0;
-  for (const auto& h : all_) {
-    const double weight = std::exp(credit(*h) - credit(*best_));
-    if (!h->tracking() || weight < 1e-3) continue;
-    auto e = h.get() == best_ ? best : h->at(time);
-    if (!e) continue;
-    // One that knows no attitude has the tag for the body.
-    if (!e->attitude && best->attitude && options_.tags.size() == 1) {
-      e->position -= rotate(*best->attitude, options_.tags.begin()->second);
+  for (const bool family : {false, true}) {
+    if (family && !best_->estimates_biases()) continue;
+    const Hypothesis* leader = nullptr;
+    for (const auto& h : all_) {
+      if (h->estimates_biases() != family || !h->tracking()) continue;
+      if (leader == nullptr || credit(*h) > credit(*leader)) leader = h.get();
     }
-    weighed.push_back({weight, *e});
-    total += weight;
+    for (const auto& h : all_) {
+      if (h->estimates_biases() != family || !h->tracking()) continue;
+      const double weight = std::exp(credit(*h) - credit(*leader));
+      if (weight < 1e-3) continue;
+      auto e = h.get() == best_ ? best : h->at(time);
+      if (!e) continue;
+      // One that knows no attitude has the tag for the body.
+      if (!e->attitude && best->attitude && options_.tags.size() == 1) {
+        e->position -= rotate(*best->attitude, options_.tags.begin()->second);
+      }
+      weighed.push_back({weight, family, *e});
+    }
   }
+  std::array<double, 2> of_family{};
+  for (const Weighed& w : weighed) of_family[w.estimates_biases ? 1 : 0] += w.weight;
+  for (Weighed& w : weighed) w.weight /= of_family[w.estimates_biases ? 1 : 0];
+  double total = 0;
+  for (const double sum : of_family) total += sum > 0 ? 1 : 0;
+
   Estimate mixed = *best;
   mixed.position.setZero();
   mixed.covariance.setZero();
@@ -435,13 +494,22 @@ Result<Estimate> HypothesisBank::at(std::int64_t time) {
     turn /= of_heading;
     mixed.heading = {wrap_angle(best->heading->value + turn), 0};
   }
+  // What white noise takes for certainty is not that: where biases are estimated, theirs counts.
+  const bool honest = of_family[1] > 0;
+  double counted = 0;
+  double counted_heading = 0;
   for (const Weighed& w : weighed) {
+    if (honest && !w.estimates_biases) continue;
+    counted += w.weight;
     const Vec3 off = w.estimate.position - mixed.position;
-    mixed.covariance += w.weight / total * (w.estimate.covariance + off * off.transpose());
+    mixed.covariance += w.weight * (w.estimate.covariance + off * off.transpose());
     if (!mixed.heading || !w.estimate.heading) continue;
+    counted_heading += w.weight;
     const double d = angle_difference(w.estimate.heading->value, mixed.heading->value);
-    mixed.heading->variance += w.weight / of_heading * (w.estimate.heading->variance + d * d);
+    mixed.heading->variance += w.weight * (w.estimate.heading->variance + d * d);
   }
+  mixed.covariance /= counted;
+  if (mixed.heading) mixed.heading->variance /= counted_heading;
   return mixed;
 }
 

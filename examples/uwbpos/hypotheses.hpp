@@ -9,7 +9,10 @@
 ///   (1) \f$ s_k \leftarrow s_k e^{-\Delta t/T} + \ln p_k(z),\quad
 ///       p_k(z) = (1 - \varepsilon) N(\nu; 0, S) + \varepsilon / w \f$
 /// over all measurements z; one that its gate refuses is an outlier, worth ε/w. Causal: nothing is
-/// known before its time.
+/// known before its time. Some hold a radio's errors to be white, others to be mostly biases of the
+/// links that change as the body moves, which they estimate: only these know how well they know.
+/// Where these lead, each family says half of where the body is, as they err differently (Bates,
+/// Granger, Operational Research Quarterly 20(4), 1969), and these how well that is known.
 
 #include <cstdint>
 #include <map>
@@ -72,6 +75,8 @@ class Hypothesis {
   [[nodiscard]] virtual bool tracking() const = 0;
   /// Whether it needs an inertial unit.
   [[nodiscard]] virtual bool inertial() const = 0;
+  /// Whether it estimates biases of the links.
+  [[nodiscard]] virtual bool estimates_biases() const = 0;
 
   double score = 0;     ///< (1)
   double handicap = 0;  ///< how much less it is believed beforehand than the first
@@ -85,6 +90,7 @@ struct BankOptions {
   BodyMotion motion;
   Points anchors;                              ///< heights zero where they are left out
   Points tags;                                 ///< lever arms; empty: tags are the body's origin
+  double sigma = 0.1;                          ///< of a range, typically [m]
   double height = 0;                           ///< of the body's origin in the plane [m]
   std::optional<Vec3> side = std::nullopt;     ///< where the tags are, of coplanar anchors
   std::optional<Vec3> prior = std::nullopt;    ///< [m]
@@ -115,6 +121,7 @@ class HypothesisBank {
   [[nodiscard]] std::size_t restarts() const { return restarts_; }
 
  private:
+  void add_bodies();
   void add_points(int dimension);
   void add_inertial();
   void weed(std::int64_t time);

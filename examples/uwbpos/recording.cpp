@@ -91,6 +91,7 @@ Recording read_recording(const Settings& settings, Problems& problems) {
     recording.counts.rows += counts.rows;
     recording.counts.no_reading += counts.no_reading;
     recording.counts.out_of_order += counts.out_of_order;
+    std::ranges::copy(counts.clock_resets, std::back_inserter(recording.counts.clock_resets));
   };
   if (!settings.ranges.empty()) {
     Log<Reading> log = read_ranges(settings.ranges, problems);
@@ -150,6 +151,12 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
   if (recording.counts.out_of_order > 0) {
     said.push_back(fmt::format("{} more than {} s out of order in the file; sorted by time.",
                                count_of(recording.counts.out_of_order, "row"), kReorderWindow));
+  }
+  for (const ClockReset& reset : recording.counts.clock_resets) {
+    said.push_back(
+        fmt::format("The clock of a log was set back by {:.6g} s: times from there on are taken to "
+                    "go on at {:.6g} s, in track.tum too; how long it was silent nobody knows.",
+                    reset.back, reset.t));
   }
   if (recording.ranging) {
     for (const auto& [reason, count] : recording.ranging->refused) {
