@@ -271,9 +271,9 @@ class Follow {
   }
 
   void add_spread(double t, const Estimate& e) {
-    replay_.filtering->spreads.push_back(
-        {t, plan_.body ? std::nullopt : std::optional{tag_}, e.position.head<2>(),
-         e.covariance.topLeftCorner<2, 2>()});
+    replay_.filtering->spreads.push_back({t, plan_.body ? std::nullopt : std::optional{tag_},
+                                          e.position.head<2>(),
+                                          e.covariance.topLeftCorner<2, 2>()});
   }
 
   // The body's pose, and the tags' positions by it.
@@ -368,15 +368,41 @@ std::vector<InertialReading> thinned(const std::vector<InertialReading>& samples
   return kept;
 }
 
-// Why an accelerometer cannot be one in m/s²; empty if it can. Whatever the body does, it feels g
-// on average, and most of the time.
+// Why an accelerometer cannot be one in m/s² in axes of the body; empty if it can. Whatever the
+// body does, it feels g on average, and most of the time; and it starts upright.
 std::string implausible(const std::vector<InertialReading>& samples) {
   constexpr double low = 6;  // [m/s²]
   constexpr double high = 16;
   std::vector<double> lengths;
   for (const InertialReading& s : samples) lengths.push_back(s.accelerometer.norm());
   const double usual = median(std::move(lengths));
-  if (usual > low && usual < high) return "";
+  if (usual < 3) {
+    return fmt::format(
+        "its accelerometer feels {:.2g} m/s² most of the time: gravity was taken off; what is "
+        "wanted is the specific force, 9.8 upwards at rest",
+        usual);
+  }
+  if (usual > low && usual < high) {
+    constexpr double beginning = 1;  // [s]
+    Vec3 mean = Vec3::Zero();
+    for (const InertialReading& s : samples) {
+      if (s.t > samples.front().t + beginning) break;
+      mean += s.accelerometer;
+    }
+    constexpr double upright = 0.5;  // cosine
+    if (mean.z() > -upright * mean.norm()) {
+      if (mean.z() > upright * mean.norm()) return "";
+      return fmt::format(
+          "its accelerometer feels gravity along {} when it starts, not along z: are its axes "
+          "those "
+          "of the body, x forward, y left, z up?",
+          std::abs(mean.x()) > std::abs(mean.y()) ? "x" : "y");
+    }
+    return fmt::format(
+        "its accelerometer feels {:.2g} m/s² along z when it starts, where an upright body at rest "
+        "feels +9.8: its z axis points down, or its sign is the other way round",
+        mean.z() / mean.norm() * usual);
+  }
   return fmt::format(
       "its accelerometer feels {:.3g} m/s², where gravity alone is 9.8: another unit?", usual);
 }
@@ -418,9 +444,10 @@ std::optional<double> mean_nees(const Site& site, const std::vector<PositionSpre
   double sum = 0;
   std::size_t count = 0;
   for (const PositionSpread& s : spreads) {
-    const auto truth = s.tag ? true_position(site, *s.tag, s.t)
-                             : site.truth.point_at(s.t, Vec3{Vec3::Zero()});
-    const double det = s.covariance(0, 0) * s.covariance(1, 1) - s.covariance(0, 1) * s.covariance(1, 0);
+    const auto truth =
+        s.tag ? true_position(site, *s.tag, s.t) : site.truth.point_at(s.t, Vec3{Vec3::Zero()});
+    const double det =
+        s.covariance(0, 0) * s.covariance(1, 1) - s.covariance(0, 1) * s.covariance(1, 0);
     if (!truth || !(det > 0)) continue;
     const Vec2 e = s.position - truth->head<2>();
     sum += (e[0] * e[0] * s.covariance(1, 1) - 2 * e[0] * e[1] * s.covariance(0, 1) +
@@ -563,6 +590,8 @@ Replay replay_filtered(Settings settings, const Recording& recording,
     std::erase_if(differences, [&](const Difference& d) { return !site.tags.contains(d.tag); });
   }
   f.motion = words_for(plan);
+  f.apart = heard.size() > 1 && !plan.body;
+  f.apart_in_space = f.apart && several;
   plan.clock_resets = recording.counts.clock_resets;
   std::ranges::sort(plan.clock_resets, {}, &ClockReset::t);
 

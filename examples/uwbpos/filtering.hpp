@@ -35,7 +35,7 @@ struct RefusedMeasurement {
 
 /// How well a position was thought to be known.
 struct PositionSpread {
-  double t;  ///< [s]
+  double t;               ///< [s]
   std::optional<Id> tag;  ///< whose; nothing: the body's
   Vec2 position;
   Mat<double, 2> covariance;  ///< [m²]
@@ -65,7 +65,7 @@ struct Filtering {
   Counts refused;  ///< measurements, by reason
   std::vector<Innovated> innovations;
   std::vector<RefusedMeasurement> refusals;
-  std::vector<PositionSpread> spreads;  ///< with each pose
+  std::vector<PositionSpread> spreads;      ///< with each pose
   std::vector<Interruption> interruptions;  ///< by time
   std::optional<double> first_pose_after;   ///< from the first measurement [s]; the latest of tags
   /// Mean of eᵀP⁻¹e / 2 of positions in plan against truth, 1 when the covariance is honest.
@@ -76,6 +76,8 @@ struct Filtering {
   std::size_t inertial_epochs = 0;  ///< whose pose used the inertial unit
   std::size_t unit_restarts = 0;    ///< of hypotheses on the unit, all of them beaten
   std::size_t samples = 0;          ///< of the inertial unit, as used
+  bool apart = false;               ///< several tags, each followed by itself
+  bool apart_in_space = false;      ///< although the tags file has them on one body
   std::string unused_unit;          ///< why the inertial unit was not used; or empty
 };
 

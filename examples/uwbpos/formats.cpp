@@ -95,8 +95,9 @@ void mend_clock(Log<T>& log) {
     const bool backwards = t < newest - kReorderWindow && log.rows[i - 1].t > t + kReorderWindow;
     if (backwards && set_back_at(log.rows, start, i, newest)) {
       const double forth =
-          newest - t + usual_step(std::vector<T>(log.rows.begin() + static_cast<std::ptrdiff_t>(start),
-                                                 log.rows.begin() + static_cast<std::ptrdiff_t>(i)));
+          newest - t +
+          usual_step(std::vector<T>(log.rows.begin() + static_cast<std::ptrdiff_t>(start),
+                                    log.rows.begin() + static_cast<std::ptrdiff_t>(i)));
       for (std::size_t k = i; k < log.rows.size(); ++k) log.rows[k].t += forth;
       log.counts.clock_resets.push_back({log.rows[i].t, forth});
       start = i;

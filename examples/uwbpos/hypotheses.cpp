@@ -28,6 +28,7 @@ constexpr double kOutlierWidth = 10;    // w [m]
 constexpr double kLateStart = 50;       // what a track that begins later is behind the best
 constexpr std::int64_t kSecond = 1'000'000;
 constexpr int kMostAnchors = 256;
+constexpr std::size_t kMostSuspects = 16;  // of more anchors one misleads nobody
 
 Rotation rotation_of(const Quaternion<double>& q) { return {q[1], q[2], q[3], q[0]}; }
 
@@ -86,6 +87,10 @@ class Follower final : public Hypothesis {
   Verdict take(const TimedMeasurement& m) override {
     Verdict verdict;
     verdict.met_track = tracker_->tracking();
+    if (ignored.contains(m.anchor_b) || (m.is_difference && ignored.contains(m.anchor_a))) {
+      verdict.refused = Error::OutlierRejected;
+      return verdict;
+    }
     if (keeps_early() && !verdict.met_track) early_.push_back({m.time, m});
     const auto told = feed(m, verdict.met_track ? now() : std::nullopt);
     if (!told) {
@@ -129,13 +134,12 @@ class Follower final : public Hypothesis {
   [[nodiscard]] bool estimates_biases() const override { return Biases > 0; }
 
  private:
-  static constexpr TrackerSize kSize{
-      .anchors = kMostAnchors,
-      .tags = 16,
-      .biases = Biases,
-      .window = kDriven<Motion> ? 512 : 128,
-      .stride = 32,
-      .bias_by_link = true};
+  static constexpr TrackerSize kSize{.anchors = kMostAnchors,
+                                     .tags = 16,
+                                     .biases = Biases,
+                                     .window = kDriven<Motion> ? 512 : 128,
+                                     .stride = 32,
+                                     .bias_by_link = true};
   using Following = Tracker<Motion, kSize>;
 
   // What biases of links depend on.
@@ -285,6 +289,12 @@ std::unique_ptr<Hypothesis> follower(const BankOptions& bank,
 }  // namespace
 
 HypothesisBank::HypothesisBank(BankOptions options) : options_{std::move(options)} {
+  add_all();
+  add_suspicious();
+}
+
+void HypothesisBank::add_all() {
+  const std::size_t before = all_.size();
   switch (options_.motion) {
     case BodyMotion::kPointInPlane:
       add_points(2);
@@ -299,6 +309,41 @@ HypothesisBank::HypothesisBank(BankOptions options) : options_{std::move(options
     case BodyMotion::kPlanarBody:
       add_bodies();
       break;
+  }
+  for (std::size_t i = before; i < all_.size(); ++i) all_[i]->ignored = ignored_;
+}
+
+void HypothesisBank::add_suspicious() {
+  // Behind those that move alike.
+  const double handicap = options_.motion == BodyMotion::kPlanarBody ? 15 : 3;
+  if (options_.anchors.size() > kMostSuspects) return;
+  std::vector<std::set<Id>> suspects{{}};
+  for (const auto& [id, position] : options_.anchors) suspects.push_back({id});
+  const auto add = [&](const auto& motion, const std::set<Id>& suspected) {
+    auto o = options_for<std::decay_t<decltype(motion)>>(options_);
+    const double height = options_.height;
+    o.model.motion = motion;
+    if constexpr (requires { o.model.motion.height; }) o.model.motion.height = height;
+    all_.push_back(follower(options_, o, {}));
+    all_.back()->ignored = suspected;
+    all_.back()->suspicious = true;
+    all_.back()->handicap = handicap;
+  };
+  for (const std::set<Id>& suspected : suspects) {
+    if (options_.motion == BodyMotion::kPlanarBody) {
+      add(
+          PlanarBody<double>{
+              .acceleration = 0.2, .sideward_acceleration = 0.05, .turn_acceleration = 0.5},
+          suspected);
+      continue;
+    }
+    for (const double acceleration : {0.5, 3.0}) {
+      if (options_.motion == BodyMotion::kPointInPlane) {
+        add(ConstantVelocity<double, 2>{.acceleration = acceleration}, suspected);
+      } else {
+        add(ConstantVelocity<double, 3>{.acceleration = acceleration}, suspected);
+      }
+    }
   }
 }
 
@@ -354,8 +399,7 @@ void HypothesisBank::add_inertial() {
     double gyro;
     RadioNoise radio;
   };
-  constexpr std::array<Noise, 3> noises{
-      {{0.1, 0.005, {1}}, {0.5, 0.02, {1}}, {0.3, 0.01, {1.8}}}};
+  constexpr std::array<Noise, 3> noises{{{0.1, 0.005, {1}}, {0.5, 0.02, {1}}, {0.3, 0.01, {1.8}}}};
   for (const auto& [accelerometer, gyro, radio] : noises) {
     for (int k = 0; k < yaws; ++k) {
       auto o = options_for<Inertial<double>>(options_);
@@ -380,6 +424,7 @@ Verdict HypothesisBank::take(const TimedMeasurement& m) {
       std::exp(-1e-6 * static_cast<double>(std::max<std::int64_t>(m.time - last_, 0)) / kMemory);
   last_ = std::max(last_, m.time);
   const Hypothesis* const judge = best_;
+  if (judge != nullptr) ++met_;
   Verdict told;
   double leading = -std::numeric_limits<double>::infinity();
   std::vector<Hypothesis*> fresh;
@@ -392,9 +437,11 @@ Verdict HypothesisBank::take(const TimedMeasurement& m) {
       fresh.push_back(h.get());
     }
     if (judge == nullptr ? h == all_.front() : h.get() == judge) told = verdict;
+    if (h.get() == listener_ && verdict.met_track) note_of_listener(m, verdict);
   }
   for (Hypothesis* h : fresh) h->score = std::isfinite(leading) ? leading - kLateStart : 0;
   choose();
+  judge_anchors(m.time);
   weed(m.time);
   return told;
 }
@@ -402,6 +449,93 @@ Verdict HypothesisBank::take(const TimedMeasurement& m) {
 void HypothesisBank::take(std::int64_t time, const InertialReading& sample) {
   fed_by_unit_ = true;
   for (const auto& h : all_) h->take(time, sample);
+}
+
+void HypothesisBank::note_of_listener(const TimedMeasurement& m, const Verdict& verdict) {
+  constexpr double step = 0.04;
+  const auto note = [&](Id anchor) {
+    AnchorRecord& record = records_[anchor];
+    ++record.count;
+    record.refused += step * ((verdict.used ? 0.0 : 1.0) - record.refused);
+  };
+  note(m.anchor_b);
+  if (m.is_difference) note(m.anchor_a);
+}
+
+void HypothesisBank::ignore_liars() {
+  constexpr std::size_t enough = 50;
+  constexpr double liar = 0.8;
+  constexpr double honest = 0.5;
+  const bool planar =
+      options_.motion == BodyMotion::kPointInPlane || options_.motion == BodyMotion::kPlanarBody;
+  const std::size_t fewest = planar ? 3 : 4;
+  std::set<Id> ignored = ignored_;
+  for (const auto& [anchor, record] : records_) {
+    if (record.count > enough && record.refused < honest) ignored.erase(anchor);
+    // What is left must tell of another liar, at least by not fitting.
+    const std::size_t left = options_.anchors.size() - ignored.size();
+    if (record.count > enough && record.refused > liar && left > fewest) {
+      ignored.insert(anchor);
+    }
+  }
+  if (ignored == ignored_) return;
+  ignored_ = ignored;
+  for (const auto& h : all_) {
+    if (!h->suspicious) h->ignored = ignored_;
+  }
+}
+
+void HypothesisBank::judge_anchors(std::int64_t time) {
+  listener_ = nullptr;
+  for (const auto& h : all_) {
+    if (!h->suspicious || !h->ignored.empty() || !h->tracking()) continue;
+    if (listener_ == nullptr || h->score > listener_->score) listener_ = h.get();
+  }
+  // One that is lost itself is no witness.
+  constexpr double credible = 30;
+  if (listener_ != nullptr && best_ != nullptr && best_->score - listener_->score > credible) {
+    listener_ = nullptr;
+    records_.clear();
+  }
+  ignore_liars();
+  constexpr std::int64_t pause = kSecond / 2;
+  constexpr double hopeless = 60;
+  if (best_ == nullptr) return;
+  if (begun_ < 0) begun_ = time;
+  if (time - judged_ < pause || time - begun_ < pause) return;
+  if (!best_->suspicious || best_->ignored == ignored_) return;
+  double other = -std::numeric_limits<double>::infinity();
+  for (const auto& h : all_) {
+    if (!h->suspicious && h->tracking()) other = std::max(other, h->score);
+  }
+  if (best_->score - other < hopeless) return;
+  judged_ = time;
+  ignored_ = best_->ignored;
+  std::erase_if(all_, [](const auto& h) { return !h->suspicious; });
+  add_all();
+}
+
+bool HypothesisBank::disputed(std::int64_t time) {
+  constexpr std::int64_t longest = kSecond;
+  constexpr double apart = 0.5;  // [m]
+  constexpr double sigmas = 2.5;
+  constexpr double decided = 30;  // in score
+  if (time - begun_ > longest) return false;
+  // One that does without an anchor may need another measurement to begin.
+  if (time - begun_ < kSecond / 4 && options_.anchors.size() <= kMostSuspects &&
+      (met_ < 2 * options_.anchors.size() ||
+       std::ranges::any_of(all_, [](const auto& h) { return h->suspicious && !h->tracking(); }))) {
+    return true;
+  }
+  const auto mine = best_->at(time);
+  if (!mine) return false;
+  return std::ranges::any_of(all_, [&](const auto& h) {
+    if (!h->suspicious || !h->tracking() || best_->score - h->score > decided) return false;
+    const auto other = h->at(time);
+    if (!other) return false;
+    const double spread = std::sqrt(mine->covariance.trace() + other->covariance.trace());
+    return (other->position - mine->position).norm() > apart + sigmas * spread;
+  });
 }
 
 void HypothesisBank::weed(std::int64_t time) {
@@ -426,7 +560,9 @@ void HypothesisBank::weed(std::int64_t time) {
       restarted_ = time;
       ++restarts_;
       std::erase_if(all_, [](const auto& h) { return h->inertial(); });
+      const std::size_t before = all_.size();
       add_inertial();
+      for (std::size_t i = before; i < all_.size(); ++i) all_[i]->ignored = ignored_;
     }
     return;
   }
@@ -444,7 +580,7 @@ void HypothesisBank::weed(std::int64_t time) {
 }
 
 Result<Estimate> HypothesisBank::at(std::int64_t time) {
-  if (best_ == nullptr) return std::unexpected(Error::NotYetLocated);
+  if (best_ == nullptr || disputed(time)) return std::unexpected(Error::NotYetLocated);
   const Result<Estimate> best = best_->at(time);
   if (!best) return best;
   struct Weighed {
@@ -458,10 +594,12 @@ Result<Estimate> HypothesisBank::at(std::int64_t time) {
     const Hypothesis* leader = nullptr;
     for (const auto& h : all_) {
       if (h->estimates_biases() != family || !h->tracking()) continue;
+      if (h->suspicious && !best_->suspicious) continue;
       if (leader == nullptr || credit(*h) > credit(*leader)) leader = h.get();
     }
     for (const auto& h : all_) {
       if (h->estimates_biases() != family || !h->tracking()) continue;
+      if (h->suspicious && !best_->suspicious) continue;
       const double weight = std::exp(credit(*h) - credit(*leader));
       if (weight < 1e-3) continue;
       auto e = h.get() == best_ ? best : h->at(time);
@@ -470,6 +608,9 @@ Result<Estimate> HypothesisBank::at(std::int64_t time) {
       if (!e->attitude && best->attitude && options_.tags.size() == 1) {
         e->position -= rotate(*best->attitude, options_.tags.begin()->second);
       }
+      // The mean of two places is neither.
+      const double reach = std::sqrt(best->covariance.trace()) + std::sqrt(e->covariance.trace());
+      if ((e->position - best->position).norm() > 0.3 + 4 * reach) continue;
       weighed.push_back({weight, family, *e});
     }
   }

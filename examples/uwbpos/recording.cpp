@@ -201,6 +201,17 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
           "The filter was locked out by its own gate and began anew where measurements agreed, {}.",
           count_of(f.reopened, "time")));
     }
+    if (f.apart_in_space) {
+      said.push_back(fmt::format(
+          "{} in space are followed one by one, as points: without an inertial unit the attitude "
+          "that would join them is not known. With --height, on a floor, or --imu they are one "
+          "body.",
+          count_of(replay.of_tag.size(), "tag")));
+    } else if (f.apart) {
+      said.push_back(fmt::format(
+          "{} are followed one by one, as points: no tags file tells where they sit on one body.",
+          count_of(replay.of_tag.size(), "tag")));
+    }
     if (!f.unused_unit.empty()) {
       said.push_back(fmt::format("The inertial unit was not used: {}.", f.unused_unit));
     }

@@ -70,8 +70,7 @@ void add_outcome(Json& json, const Outcome& outcome) {
 Json json_of(const std::vector<Interruption>& interruptions) {
   Json json = Json::array();
   for (const Interruption& i : interruptions) {
-    json.push_back(
-        {{"t_s", i.t}, {"tag_id", i.tag}, {"cause", i.cause}, {"without_s", i.silent}});
+    json.push_back({{"t_s", i.t}, {"tag_id", i.tag}, {"cause", i.cause}, {"without_s", i.silent}});
     json.back()["recovery_s"] = i.recovery ? Json(*i.recovery) : Json(nullptr);
   }
   return json;
