@@ -439,6 +439,27 @@ BankOptions bank_options(const Settings& settings, const Site& site, const Plan&
   return o;
 }
 
+// RMSE of what is neither interrupted nor on its way back; nothing without truth.
+template <class Track, class ErrorOf>
+std::optional<double> settled_rmse(const Filtering& filtering, int dim, const Track& track,
+                                   const ErrorOf& error_of) {
+  double sum = 0;
+  std::size_t count = 0;
+  for (const auto& p : track) {
+    const bool interrupted =
+        std::ranges::any_of(filtering.interruptions, [&](const Interruption& i) {
+          return p.t > i.t - i.silent && (!i.recovery || p.t < i.t + *i.recovery);
+        });
+    const auto error = error_of(p);
+    if (interrupted || !error) continue;
+    const double length = error_length(*error, dim);
+    sum += length * length;
+    ++count;
+  }
+  if (count == 0) return std::nullopt;
+  return std::sqrt(sum / static_cast<double>(count));
+}
+
 // eᵀP⁻¹e / 2 of positions in plan, on average; nothing without truth.
 std::optional<double> mean_nees(const Site& site, const std::vector<PositionSpread>& spreads) {
   double sum = 0;
@@ -647,6 +668,15 @@ Replay replay_filtered(Settings settings, const Recording& recording,
   if (result.body) {
     std::ranges::stable_sort(result.body->track, {}, &SolvedPose::t);
     score_body(site, result.dim, *result.body);
+    f.settled_rmse = settled_rmse(f, result.dim, result.body->track, [](const SolvedPose& p) {
+      return p.truth ? std::optional<Vec3>{p.pose.position - p.truth->position} : std::nullopt;
+    });
+  } else {
+    f.settled_rmse = settled_rmse(f, result.dim, result.track, [](const Position& p) {
+      return p.truth ? std::optional<Vec3>{p.position - *p.truth} : std::nullopt;
+    });
+  }
+  if (result.body) {
     result.body->solve_seconds = result.solve_seconds;
     result.body->solve_calls = result.solve_calls;
   }

@@ -64,6 +64,9 @@ bool set_back_at(const std::vector<T>& rows, std::size_t start, std::size_t at, 
   constexpr std::size_t fewest = 8;
   const std::size_t end = std::min(rows.size(), at + looked_at);
   if (end - at < fewest || at - start < fewest) return false;
+  for (std::size_t i = at; i < end; ++i) {
+    if (rows[i].t > newest - kReorderWindow) return false;
+  }
   std::map<std::array<Id, 3>, std::set<double>> before;
   double oldest = newest;
   for (std::size_t i = start; i < at; ++i) {
@@ -73,7 +76,6 @@ bool set_back_at(const std::vector<T>& rows, std::size_t start, std::size_t at, 
   std::size_t known = 0;
   std::size_t twice = 0;
   for (std::size_t i = at; i < end; ++i) {
-    if (rows[i].t > newest - kReorderWindow) return false;
     const auto link = before.find(link_of(rows[i]));
     if (link == before.end()) continue;
     if (rows[i].t < *link->second.rbegin()) ++known;
@@ -90,14 +92,17 @@ template <class T>
 void mend_clock(Log<T>& log) {
   double newest = -std::numeric_limits<double>::infinity();
   std::size_t start = 0;
-  for (std::size_t i = 0; i < log.rows.size(); ++i) {
+  std::size_t looks = 16;  // in a log without any order there is nothing to find
+  for (std::size_t i = 0; i < log.rows.size() && looks > 0; ++i) {
     const double t = log.rows[i].t;
     const bool backwards = t < newest - kReorderWindow && log.rows[i - 1].t > t + kReorderWindow;
+    if (backwards) --looks;
     if (backwards && set_back_at(log.rows, start, i, newest)) {
       const double forth =
           newest - t +
           usual_step(std::vector<T>(log.rows.begin() + static_cast<std::ptrdiff_t>(start),
                                     log.rows.begin() + static_cast<std::ptrdiff_t>(i)));
+      if (!std::isfinite(log.rows[i].t + forth)) return;
       for (std::size_t k = i; k < log.rows.size(); ++k) log.rows[k].t += forth;
       log.counts.clock_resets.push_back({log.rows[i].t, forth});
       start = i;

@@ -181,6 +181,7 @@ std::string summary_json(const Settings& settings, const Recording& recording, c
       if (std::isfinite(slowest_recovery(f))) {
         json["filter"]["slowest_recovery_s"] = slowest_recovery(f);
       }
+      if (f.settled_rmse) json["filter"]["settled_rmse_m"] = *f.settled_rmse;
       if (f.mean_nees) json["filter"]["mean_nees"] = *f.mean_nees;
       if (!f.innovations.empty()) {
         json["filter"]["mean_nis"] = sum / static_cast<double>(f.innovations.size());
