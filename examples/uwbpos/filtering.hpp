@@ -69,7 +69,7 @@ struct Filtering {
   std::vector<Interruption> interruptions;  ///< by time
   /// RMSE of positions outside interruptions and the recoveries from them [m].
   std::optional<double> settled_rmse;
-  std::optional<double> first_pose_after;   ///< from the first measurement [s]; the latest of tags
+  std::optional<double> first_pose_after;  ///< from the first measurement [s]; the latest of tags
   /// Mean of eᵀP⁻¹e / 2 of positions in plan against truth, 1 when the covariance is honest.
   std::optional<double> mean_nees;
   std::map<Id, AnchorTally> of_anchor;

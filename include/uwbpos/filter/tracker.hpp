@@ -152,8 +152,7 @@ class Tracker {
 
   // What has a bias of its own.
   [[nodiscard]] static constexpr Biased biased(std::uint32_t anchor, std::uint32_t tag) {
-    if constexpr (Size.bias_by_link) return std::uint64_t{tag} << 32 | anchor;
-    return static_cast<Biased>(anchor);
+    return static_cast<Biased>(Size.bias_by_link ? std::uint64_t{tag} << 32 | anchor : anchor);
   }
 
   [[nodiscard]] Told refuse(Error error) {
