@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <deque>
+#include <iterator>
+#include <limits>
 #include <numbers>
 #include <set>
 
@@ -41,6 +44,7 @@ struct Plan {
   bool unit = false;  // with an inertial unit
   double start = 0;   // time zero [s]
   std::map<Id, Stream> streams;
+  std::vector<ClockReset> clock_resets;
 };
 
 std::int64_t microseconds(double t, double start) { return std::llround((t - start) * 1e6); }
@@ -91,11 +95,110 @@ std::vector<EpochEnd> epoch_ends(const Settings& settings, const Site& site, boo
   return ends;
 }
 
+// Notes when a track was interrupted, and how long it took to recover.
+class RecoveryWatch {
+ public:
+  // `pause`: without a measurement that is worth a note [s].
+  RecoveryWatch(double pause, std::vector<ClockReset> resets)
+      : pause_{pause}, resets_{std::move(resets)} {}
+
+  void measured(double t, Id tag, const Verdict& verdict) {
+    if (!first_) first_ = t;
+    if (reset_ < resets_.size() && resets_[reset_].t <= t) {
+      open(t, tag, fmt::format("the clock was set back by {:.4g} s", resets_[reset_].back));
+      ++reset_;
+    }
+    if (last_ && t - *last_ > pause_) open(t, tag, "nothing was received");
+    last_ = t;
+    if (verdict.reopened) {
+      open(t, tag, "the gate had locked the filter out");
+    } else if (verdict.began && tracked_) {
+      open(t, tag, "the track was lost and began anew");
+    } else if (used_at_ && !verdict.used && t - *used_at_ > std::max(pause_, 1.0)) {
+      open(t, tag, "every measurement was refused");
+    }
+    if (verdict.began || verdict.reopened || verdict.used) {
+      tracked_ = true;
+      used_at_ = t;
+      if (open_) open_->used = true;
+    }
+  }
+
+  // At the end of an epoch; `spread`: of the position [m], nothing without one.
+  void posed(double t, std::optional<double> spread) {
+    if (!spread) return;
+    if (!after_ && first_) after_ = t - *first_;
+    if (open_) {
+      constexpr double enough = 1.5;
+      constexpr std::size_t few = 10;
+      const bool as_usual =
+          usual_.size() < few ||
+          *spread <= enough * median(std::vector<double>(usual_.begin(), usual_.end()));
+      if (!open_->used || !as_usual) return;
+      open_->what.recovery = std::max(t - open_->what.t, 0.0);
+      close();
+    }
+    constexpr std::size_t most = 200;
+    usual_.push_back(*spread);
+    if (usual_.size() > most) usual_.pop_front();
+  }
+
+  void finish(Filtering& filtering) {
+    if (open_) close();
+    std::ranges::move(found_, std::back_inserter(filtering.interruptions));
+    if (after_) {
+      filtering.first_pose_after = std::max(filtering.first_pose_after.value_or(0), *after_);
+    }
+  }
+
+ private:
+  struct Open {
+    Interruption what;
+    bool used = false;
+  };
+
+  void open(double t, Id tag, std::string cause) {
+    if (open_ || !tracked_) return;
+    open_ = Open{{t, tag, std::move(cause), used_at_ ? t - *used_at_ : 0}};
+  }
+  void close() {
+    found_.push_back(std::move(open_->what));
+    open_.reset();
+  }
+
+  double pause_;
+  std::vector<ClockReset> resets_;
+  std::size_t reset_ = 0;
+  bool tracked_ = false;
+  std::optional<double> first_, last_, used_at_, after_;
+  std::optional<Open> open_;
+  std::deque<double> usual_;
+  std::vector<Interruption> found_;
+};
+
+// What counts as a pause in a stream [s].
+double pause_of(const Stream& stream) {
+  constexpr double shortest = 0.5;
+  constexpr double times = 10;
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < stream.measurements.size(); ++i) {
+    const auto step = stream.measurements[i].time - stream.measurements[i - 1].time;
+    if (step > 0) steps.push_back(1e-6 * static_cast<double>(step));
+  }
+  return steps.empty() ? shortest : std::max(shortest, times * median(std::move(steps)));
+}
+
 // One track through its stream.
 class Follow {
  public:
-  Follow(const Site& site, const Plan& plan, Id tag, BankOptions options, Replay& replay)
-      : site_{site}, plan_{plan}, tag_{tag}, bank_{std::move(options)}, replay_{replay} {
+  Follow(const Site& site, const Plan& plan, Id tag, BankOptions options, RecoveryWatch watch,
+         Replay& replay)
+      : site_{site},
+        plan_{plan},
+        tag_{tag},
+        bank_{std::move(options)},
+        watch_{std::move(watch)},
+        replay_{replay} {
     if (plan.body && !replay_.body) replay_.body.emplace();
     if (replay_.body) replay_.body->rule = replay_.rule;
   }
@@ -109,8 +212,9 @@ class Follow {
     Filtering& f = *replay_.filtering;
     f.begun += verdict.began ? 1 : 0;
     f.reopened += verdict.reopened ? 1 : 0;
-    if (!verdict.met_track) return;
     const double t = plan_.start + 1e-6 * static_cast<double>(m.time);
+    watch_.measured(t, m.tag, verdict);
+    if (!verdict.met_track) return;
     if (verdict.used) {
       ++f.used;
       f.innovations.push_back({t, verdict.used->normalised_square});
@@ -134,6 +238,8 @@ class Follow {
 
   void end_epoch(double t) {
     const Result<Estimate> estimate = bank_.at(microseconds(t, plan_.start));
+    watch_.posed(t, estimate ? std::optional{std::sqrt(estimate->covariance.trace())}
+                             : std::optional<double>{});
     if (plan_.body) {
       end_body_epoch(t, estimate);
       return;
@@ -149,7 +255,10 @@ class Follow {
     add_spread(t, *estimate);
   }
 
-  void finish() { replay_.filtering->unit_restarts += bank_.restarts(); }
+  void finish() {
+    replay_.filtering->unit_restarts += bank_.restarts();
+    watch_.finish(*replay_.filtering);
+  }
 
  private:
   void tally(Id anchor, bool used) {
@@ -162,8 +271,9 @@ class Follow {
   }
 
   void add_spread(double t, const Estimate& e) {
-    replay_.filtering->spreads.push_back(
-        {t, e.position.head<2>(), e.covariance.topLeftCorner<2, 2>()});
+    replay_.filtering->spreads.push_back({t, plan_.body ? std::nullopt : std::optional{tag_},
+                                          e.position.head<2>(),
+                                          e.covariance.topLeftCorner<2, 2>()});
   }
 
   // The body's pose, and the tags' positions by it.
@@ -221,6 +331,7 @@ class Follow {
   const Plan& plan_;
   Id tag_;
   HypothesisBank bank_;
+  RecoveryWatch watch_;
   Replay& replay_;
 };
 
@@ -257,21 +368,57 @@ std::vector<InertialReading> thinned(const std::vector<InertialReading>& samples
   return kept;
 }
 
-// Why an accelerometer cannot be one in m/s²; empty if it can. Whatever the body does, it feels g
-// on average, and most of the time.
+// Why an accelerometer cannot be one in m/s² in axes of the body; empty if it can. Whatever the
+// body does, it feels g on average, and most of the time; and it starts upright.
 std::string implausible(const std::vector<InertialReading>& samples) {
   constexpr double low = 6;  // [m/s²]
   constexpr double high = 16;
   std::vector<double> lengths;
   for (const InertialReading& s : samples) lengths.push_back(s.accelerometer.norm());
   const double usual = median(std::move(lengths));
-  if (usual > low && usual < high) return "";
+  if (usual < 3) {
+    return fmt::format(
+        "its accelerometer feels {:.2g} m/s² most of the time: gravity was taken off; what is "
+        "wanted is the specific force, 9.8 upwards at rest",
+        usual);
+  }
+  if (usual > low && usual < high) {
+    constexpr double beginning = 1;  // [s]
+    Vec3 mean = Vec3::Zero();
+    for (const InertialReading& s : samples) {
+      if (s.t > samples.front().t + beginning) break;
+      mean += s.accelerometer;
+    }
+    constexpr double upright = 0.5;  // cosine
+    if (mean.z() > -upright * mean.norm()) {
+      if (mean.z() > upright * mean.norm()) return "";
+      return fmt::format(
+          "its accelerometer feels gravity along {} when it starts, not along z: are its axes "
+          "those "
+          "of the body, x forward, y left, z up?",
+          std::abs(mean.x()) > std::abs(mean.y()) ? "x" : "y");
+    }
+    return fmt::format(
+        "its accelerometer feels {:.2g} m/s² along z when it starts, where an upright body at rest "
+        "feels +9.8: its z axis points down, or its sign is the other way round",
+        mean.z() / mean.norm() * usual);
+  }
   return fmt::format(
       "its accelerometer feels {:.3g} m/s², where gravity alone is 9.8: another unit?", usual);
 }
 
+// The sigma of a range in a stream of measurements, a difference's being that of two.
+double typical_sigma(const std::vector<TimedMeasurement>& all) {
+  std::vector<double> sigmas;
+  for (const TimedMeasurement& m : all) {
+    sigmas.push_back(m.is_difference ? m.sigma / std::numbers::sqrt2 : m.sigma);
+  }
+  return sigmas.empty() ? kRangeSigma : median(std::move(sigmas));
+}
+
 BankOptions bank_options(const Settings& settings, const Site& site, const Plan& plan, Id tag) {
   BankOptions o;
+  o.sigma = typical_sigma(plan.streams.at(tag).measurements);
   o.motion = plan.unit && plan.dim == 3 ? BodyMotion::kInertial
              : plan.body                ? BodyMotion::kPlanarBody
              : plan.dim == 3            ? BodyMotion::kPointInSpace
@@ -292,6 +439,47 @@ BankOptions bank_options(const Settings& settings, const Site& site, const Plan&
   return o;
 }
 
+// RMSE of what is neither interrupted nor on its way back; nothing without truth.
+template <class Track, class ErrorOf>
+std::optional<double> settled_rmse(const Filtering& filtering, int dim, const Track& track,
+                                   const ErrorOf& error_of) {
+  double sum = 0;
+  std::size_t count = 0;
+  for (const auto& p : track) {
+    const bool interrupted =
+        std::ranges::any_of(filtering.interruptions, [&](const Interruption& i) {
+          return p.t > i.t - i.silent && (!i.recovery || p.t < i.t + *i.recovery);
+        });
+    const auto error = error_of(p);
+    if (interrupted || !error) continue;
+    const double length = error_length(*error, dim);
+    sum += length * length;
+    ++count;
+  }
+  if (count == 0) return std::nullopt;
+  return std::sqrt(sum / static_cast<double>(count));
+}
+
+// eᵀP⁻¹e / 2 of positions in plan, on average; nothing without truth.
+std::optional<double> mean_nees(const Site& site, const std::vector<PositionSpread>& spreads) {
+  double sum = 0;
+  std::size_t count = 0;
+  for (const PositionSpread& s : spreads) {
+    const auto truth =
+        s.tag ? true_position(site, *s.tag, s.t) : site.truth.point_at(s.t, Vec3{Vec3::Zero()});
+    const double det =
+        s.covariance(0, 0) * s.covariance(1, 1) - s.covariance(0, 1) * s.covariance(1, 0);
+    if (!truth || !(det > 0)) continue;
+    const Vec2 e = s.position - truth->head<2>();
+    sum += (e[0] * e[0] * s.covariance(1, 1) - 2 * e[0] * e[1] * s.covariance(0, 1) +
+            e[1] * e[1] * s.covariance(0, 0)) /
+           det / 2;
+    ++count;
+  }
+  if (count == 0) return std::nullopt;
+  return sum / static_cast<double>(count);
+}
+
 std::string words_for(const Plan& plan) {
   if (plan.unit && plan.dim == 3) return "inertial navigation, and points that move on as they do";
   if (plan.body) return plan.unit ? "a body on a floor, with a gyro" : "a body on a floor";
@@ -306,7 +494,12 @@ void follow_all(const Settings& settings, const Site& site, const Plan& plan,
   std::size_t done = 0;
   for (const auto& [tag, stream] : plan.streams) of += stream.measurements.size();
   for (const auto& [tag, stream] : plan.streams) {
-    Follow follow{site, plan, tag, bank_options(settings, site, plan, tag), result};
+    Follow follow{site,
+                  plan,
+                  tag,
+                  bank_options(settings, site, plan, tag),
+                  RecoveryWatch{pause_of(stream), plan.clock_resets},
+                  result};
     std::size_t sample = 0;
     std::size_t end = 0;
     const auto samples_until = [&](std::int64_t time) {
@@ -331,6 +524,23 @@ void follow_all(const Settings& settings, const Site& site, const Plan& plan,
 }
 
 }  // namespace
+
+double slowest_recovery(const Filtering& filtering) {
+  double slowest = 0;
+  for (const Interruption& i : filtering.interruptions) {
+    slowest = std::max(slowest, i.recovery.value_or(std::numeric_limits<double>::infinity()));
+  }
+  return slowest;
+}
+
+std::string words_of(const Interruption& i, bool several) {
+  const std::string whose = several ? fmt::format(", tag {}", i.tag) : std::string{};
+  const std::string silent =
+      i.silent > 0 ? fmt::format(", {:.2f} s without a measurement used", i.silent) : std::string{};
+  const std::string after = i.recovery ? fmt::format("recovered {:.2f} s later", *i.recovery)
+                                       : std::string{"not recovered within the recording"};
+  return fmt::format("at {:.2f} s{}: {}{}; {}", i.t, whose, i.cause, silent, after);
+}
 
 double refused_share(const AnchorTally& tally) {
   const std::size_t all = tally.used + tally.refused;
@@ -401,6 +611,10 @@ Replay replay_filtered(Settings settings, const Recording& recording,
     std::erase_if(differences, [&](const Difference& d) { return !site.tags.contains(d.tag); });
   }
   f.motion = words_for(plan);
+  f.apart = heard.size() > 1 && !plan.body;
+  f.apart_in_space = f.apart && several;
+  plan.clock_resets = recording.counts.clock_resets;
+  std::ranges::sort(plan.clock_resets, {}, &ClockReset::t);
 
   const double of_difference = settings.sigma.value_or(kRangeSigma) * std::numbers::sqrt2;
   plan.start = std::numeric_limits<double>::infinity();
@@ -444,6 +658,8 @@ Replay replay_filtered(Settings settings, const Recording& recording,
   follow_all(settings, site, plan, samples, result, progress);
 
   std::ranges::stable_sort(result.track, {}, &Position::t);
+  std::ranges::stable_sort(f.interruptions, {}, &Interruption::t);
+  f.mean_nees = mean_nees(site, f.spreads);
   if (result.residuals_to_truth) {
     residuals_against_truth(site, settings, plan.flat, readings, result);
     residuals_against_truth(site, settings, plan.flat, differences, result);
@@ -452,6 +668,15 @@ Replay replay_filtered(Settings settings, const Recording& recording,
   if (result.body) {
     std::ranges::stable_sort(result.body->track, {}, &SolvedPose::t);
     score_body(site, result.dim, *result.body);
+    f.settled_rmse = settled_rmse(f, result.dim, result.body->track, [](const SolvedPose& p) {
+      return p.truth ? std::optional<Vec3>{p.pose.position - p.truth->position} : std::nullopt;
+    });
+  } else {
+    f.settled_rmse = settled_rmse(f, result.dim, result.track, [](const Position& p) {
+      return p.truth ? std::optional<Vec3>{p.position - *p.truth} : std::nullopt;
+    });
+  }
+  if (result.body) {
     result.body->solve_seconds = result.solve_seconds;
     result.body->solve_calls = result.solve_calls;
   }

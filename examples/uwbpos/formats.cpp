@@ -2,12 +2,18 @@
 #include "formats.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
+#include <limits>
+#include <map>
+#include <set>
 #include <stdexcept>
 
 #include <fmt/format.h>
 
 #include "failure.hpp"
+#include "statistics.hpp"
 
 namespace uwbpos::host {
 namespace {
@@ -33,9 +39,82 @@ std::optional<double> power_of(const Row& row, std::size_t first_path, std::size
   return power ? power : row.optional_number(total);
 }
 
+// What a row speaks of.
+std::array<Id, 3> link_of(const Reading& r) { return {r.tag, r.anchor, 0}; }
+std::array<Id, 3> link_of(const Exchange& e) { return {e.tag, e.anchor, 0}; }
+std::array<Id, 3> link_of(const Difference& d) { return {d.tag, d.anchor_a, d.anchor_b}; }
+std::array<Id, 3> link_of(const Arrival& a) { return {a.receiver, 0, 0}; }
+std::array<Id, 3> link_of(const InertialReading&) { return {0, 0, 0}; }
+
+template <class T>
+double usual_step(const std::vector<T>& rows) {
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    if (rows[i].t > rows[i - 1].t) steps.push_back(rows[i].t - rows[i - 1].t);
+  }
+  return steps.empty() ? 0 : median(std::move(steps));
+}
+
+// A clock set back looks unlike rows out of order, which the next rows are not; unlike a log
+// whose tags or anchors stand one after the other, which are then others; unlike a log of two parts
+// in the wrong order, whose times do not meet; and unlike rows logged twice.
+template <class T>
+bool set_back_at(const std::vector<T>& rows, std::size_t start, std::size_t at, double newest) {
+  constexpr std::size_t looked_at = 32;
+  constexpr std::size_t fewest = 8;
+  const std::size_t end = std::min(rows.size(), at + looked_at);
+  if (end - at < fewest || at - start < fewest) return false;
+  for (std::size_t i = at; i < end; ++i) {
+    if (rows[i].t > newest - kReorderWindow) return false;
+  }
+  std::map<std::array<Id, 3>, std::set<double>> before;
+  double oldest = newest;
+  for (std::size_t i = start; i < at; ++i) {
+    before[link_of(rows[i])].insert(rows[i].t);
+    oldest = std::min(oldest, rows[i].t);
+  }
+  std::size_t known = 0;
+  std::size_t twice = 0;
+  for (std::size_t i = at; i < end; ++i) {
+    const auto link = before.find(link_of(rows[i]));
+    if (link == before.end()) continue;
+    if (rows[i].t < *link->second.rbegin()) ++known;
+    if (link->second.contains(rows[i].t)) ++twice;
+  }
+  double last = rows[at].t;
+  for (std::size_t i = at; i < rows.size() && rows[i].t >= last - kReorderWindow; ++i) {
+    last = std::max(last, rows[i].t);
+  }
+  return 2 * known > end - at && 2 * twice < end - at && last > oldest;
+}
+
+template <class T>
+void mend_clock(Log<T>& log) {
+  double newest = -std::numeric_limits<double>::infinity();
+  std::size_t start = 0;
+  std::size_t looks = 16;  // in a log without any order there is nothing to find
+  for (std::size_t i = 0; i < log.rows.size() && looks > 0; ++i) {
+    const double t = log.rows[i].t;
+    const bool backwards = t < newest - kReorderWindow && log.rows[i - 1].t > t + kReorderWindow;
+    if (backwards) --looks;
+    if (backwards && set_back_at(log.rows, start, i, newest)) {
+      const double forth =
+          newest - t +
+          usual_step(std::vector<T>(log.rows.begin() + static_cast<std::ptrdiff_t>(start),
+                                    log.rows.begin() + static_cast<std::ptrdiff_t>(i)));
+      if (!std::isfinite(log.rows[i].t + forth)) return;
+      for (std::size_t k = i; k < log.rows.size(); ++k) log.rows[k].t += forth;
+      log.counts.clock_resets.push_back({log.rows[i].t, forth});
+      start = i;
+    }
+    newest = std::max(newest, log.rows[i].t);
+  }
+}
+
 // Sorts rows by time; counts those outside the reordering window.
 template <class T>
 void put_in_order(Log<T>& log) {
+  mend_clock(log);
   double newest = -std::numeric_limits<double>::infinity();
   for (const T& row : log.rows) {
     if (row.t < newest - kReorderWindow) ++log.counts.out_of_order;

@@ -90,11 +90,18 @@ struct BiasTable {
 /// Ascending by power.
 using PowerBiasTable = std::vector<RangeBiasPoint<double>>;
 
+/// Where the clock that stamped a log was set back.
+struct ClockReset {
+  double t;     ///< of the first row after it, as mended [s]
+  double back;  ///< by how much [s]
+};
+
 /// What reading a log counted, besides malformed rows (`Problems`).
 struct LogCounts {
   std::size_t rows = 0;          ///< rows seen
   std::size_t no_reading = 0;    ///< rows whose reading is an empty cell
   std::size_t out_of_order = 0;  ///< rows later in the file than the reordering window allows
+  std::vector<ClockReset> clock_resets = {};
 };
 
 /// How far below an earlier row's time a row's may be before that is worth a remark [s].
@@ -113,7 +120,9 @@ struct Log {
 [[nodiscard]] PowerBiasTable read_power_bias(const std::filesystem::path& file, Problems& problems);
 [[nodiscard]] Trajectory read_trajectory(const std::filesystem::path& file, Problems& problems);
 
-/// Rows come back by time, however they stood in the file.
+/// Rows come back by time, however they stood in the file. Where the log's clock was set back, so
+/// that the same links speak again of times gone by, rows after it go on one usual step after the
+/// last before it.
 [[nodiscard]] Log<Reading> read_ranges(const std::filesystem::path& file, Problems& problems);
 [[nodiscard]] Log<Exchange> read_twr(const std::filesystem::path& file, Problems& problems);
 [[nodiscard]] Log<Arrival> read_ultrasonic(const std::filesystem::path& file, Problems& problems);

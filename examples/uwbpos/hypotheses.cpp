@@ -28,6 +28,7 @@ constexpr double kOutlierWidth = 10;    // w [m]
 constexpr double kLateStart = 50;       // what a track that begins later is behind the best
 constexpr std::int64_t kSecond = 1'000'000;
 constexpr int kMostAnchors = 256;
+constexpr std::size_t kMostSuspects = 16;  // of more anchors one misleads nobody
 
 Rotation rotation_of(const Quaternion<double>& q) { return {q[1], q[2], q[3], q[0]}; }
 
@@ -63,18 +64,33 @@ Estimate estimate_of(const InertialPose<double>& p, double) {
 template <class Motion>
 constexpr bool kDriven = std::is_same_v<Motion, Inertial<double>>;
 
-// A tracker of one motion, with a factor on the sigmas of what it is fed.
-template <class Motion>
+// What a radio's errors are taken for.
+struct RadioNoise {
+  double white = 1;      // times the sigmas of what a tracker is fed
+  double bias = 0;       // of links, times the typical sigma
+  double bias_time = 0;  // in which they change [s]
+};
+
+// A tracker of one motion, with `Biases` for links.
+template <class Motion, int Biases>
 class Follower final : public Hypothesis {
  public:
-  Follower(const BankOptions& bank, const TrackerOptions<Motion>& options, double factor)
-      : bank_{bank}, options_{options}, factor_{factor} {
+  Follower(const BankOptions& bank, const TrackerOptions<Motion>& options, const RadioNoise& noise)
+      : bank_{bank}, options_{options}, factor_{noise.white} {
+    if (Biases > 0) {
+      options_.model.bias_sigma = noise.bias * bank.sigma;
+      options_.model.bias_time = noise.bias_time;
+    }
     make();
   }
 
   Verdict take(const TimedMeasurement& m) override {
     Verdict verdict;
     verdict.met_track = tracker_->tracking();
+    if (ignored.contains(m.anchor_b) || (m.is_difference && ignored.contains(m.anchor_a))) {
+      verdict.refused = Error::OutlierRejected;
+      return verdict;
+    }
     if (keeps_early() && !verdict.met_track) early_.push_back({m.time, m});
     const auto told = feed(m, verdict.met_track ? now() : std::nullopt);
     if (!told) {
@@ -115,10 +131,15 @@ class Follower final : public Hypothesis {
   }
   [[nodiscard]] bool tracking() const override { return tracker_->tracking(); }
   [[nodiscard]] bool inertial() const override { return kDriven<Motion>; }
+  [[nodiscard]] bool estimates_biases() const override { return Biases > 0; }
 
  private:
-  static constexpr TrackerSize kSize{
-      .anchors = kMostAnchors, .tags = 16, .window = kDriven<Motion> ? 512 : 128, .stride = 32};
+  static constexpr TrackerSize kSize{.anchors = kMostAnchors,
+                                     .tags = 16,
+                                     .biases = Biases,
+                                     .window = kDriven<Motion> ? 512 : 128,
+                                     .stride = 32,
+                                     .bias_by_link = true};
   using Following = Tracker<Motion, kSize>;
 
   // What biases of links depend on.
@@ -242,13 +263,38 @@ TrackerOptions<Motion> options_for(const BankOptions& bank) {
   return options;
 }
 
-// Of sigmas: as they are told, or the default, and for a radio in a worse place than that. Not
-// less: what is correlated looks like little noise.
-constexpr std::array<double, 2> kSigmaFactors{1, 1.8};
+// A radio's errors: as they are told, or the default, and white; white, in a worse place than that;
+// a little noise on biases of the links that change within seconds of driving, and more of both.
+// White and less: never, what is correlated looks like little noise.
+constexpr std::array<RadioNoise, 6> kRadioNoises{
+    {{1}, {1.8}, {0.3, 0.45, 1}, {0.3, 0.6, 3}, {0.6, 1.2, 1}, {0.6, 1.2, 3}}};
+
+// One tag alone tells too little of its links' biases, and estimating them costs accuracy.
+constexpr std::array<RadioNoise, 2> kWhiteNoises{{{1}, {1.8}}};
+
+template <class Motion>
+std::unique_ptr<Hypothesis> follower(const BankOptions& bank, const TrackerOptions<Motion>& options,
+                                     const RadioNoise& noise) {
+  return std::make_unique<Follower<Motion, 0>>(bank, options, noise);
+}
+std::unique_ptr<Hypothesis> follower(const BankOptions& bank,
+                                     const TrackerOptions<PlanarBody<double>>& options,
+                                     const RadioNoise& noise) {
+  constexpr int most = 32;  // links whose bias is estimated
+  using Estimating = Follower<PlanarBody<double>, most>;
+  if (noise.bias > 0) return std::make_unique<Estimating>(bank, options, noise);
+  return std::make_unique<Follower<PlanarBody<double>, 0>>(bank, options, noise);
+}
 
 }  // namespace
 
 HypothesisBank::HypothesisBank(BankOptions options) : options_{std::move(options)} {
+  add_all();
+  add_suspicious();
+}
+
+void HypothesisBank::add_all() {
+  const std::size_t before = all_.size();
   switch (options_.motion) {
     case BodyMotion::kPointInPlane:
       add_points(2);
@@ -261,46 +307,85 @@ HypothesisBank::HypothesisBank(BankOptions options) : options_{std::move(options
       add_inertial();
       break;
     case BodyMotion::kPlanarBody:
-      for (const double factor : kSigmaFactors) {
-        // Forward, sideward [m/s²/√Hz] and angular [rad/s²/√Hz], from a trolley that is pushed at a
-        // walk to a nimble robot. Each is believed a little less beforehand than the one before.
-        constexpr std::array<std::array<double, 3>, 6> motions{{{0.01, 0.001, 0.05},
-                                                                {0.02, 0.002, 0.1},
-                                                                {0.05, 0.01, 0.15},
-                                                                {0.2, 0.05, 0.5},
-                                                                {0.5, 0.5, 1},
-                                                                {2, 2, 4}}};
-        constexpr double handicap = 4;
-        double less = 0;
-        for (const auto& [forward, sideward, angular] : motions) {
-          auto o = options_for<PlanarBody<double>>(options_);
-          o.model.motion.acceleration = forward;
-          o.model.motion.sideward_acceleration = sideward;
-          o.model.motion.turn_acceleration = angular;
-          // Several tags tell enough of each other to do without all that bends or echoes.
-          o.model.gate.sigmas = 2;
-          all_.push_back(std::make_unique<Follower<PlanarBody<double>>>(options_, o, factor));
-          all_.back()->handicap = less;
-          less += handicap;
-        }
-      }
+      add_bodies();
       break;
+  }
+  for (std::size_t i = before; i < all_.size(); ++i) all_[i]->ignored = ignored_;
+}
+
+void HypothesisBank::add_suspicious() {
+  // Behind those that move alike.
+  const double handicap = options_.motion == BodyMotion::kPlanarBody ? 15 : 3;
+  if (options_.anchors.size() > kMostSuspects) return;
+  std::vector<std::set<Id>> suspects{{}};
+  for (const auto& [id, position] : options_.anchors) suspects.push_back({id});
+  const auto add = [&](const auto& motion, const std::set<Id>& suspected) {
+    auto o = options_for<std::decay_t<decltype(motion)>>(options_);
+    const double height = options_.height;
+    o.model.motion = motion;
+    if constexpr (requires { o.model.motion.height; }) o.model.motion.height = height;
+    all_.push_back(follower(options_, o, {}));
+    all_.back()->ignored = suspected;
+    all_.back()->suspicious = true;
+    all_.back()->handicap = handicap;
+  };
+  for (const std::set<Id>& suspected : suspects) {
+    if (options_.motion == BodyMotion::kPlanarBody) {
+      add(
+          PlanarBody<double>{
+              .acceleration = 0.2, .sideward_acceleration = 0.05, .turn_acceleration = 0.5},
+          suspected);
+      continue;
+    }
+    for (const double acceleration : {0.5, 3.0}) {
+      if (options_.motion == BodyMotion::kPointInPlane) {
+        add(ConstantVelocity<double, 2>{.acceleration = acceleration}, suspected);
+      } else {
+        add(ConstantVelocity<double, 3>{.acceleration = acceleration}, suspected);
+      }
+    }
+  }
+}
+
+void HypothesisBank::add_bodies() {
+  // Forward, sideward [m/s²/√Hz] and angular [rad/s²/√Hz], from a trolley that is pushed at a walk
+  // to a nimble robot. Each is believed a little less beforehand than the one before.
+  constexpr std::array<std::array<double, 3>, 6> motions{{{0.01, 0.001, 0.05},
+                                                          {0.02, 0.002, 0.1},
+                                                          {0.05, 0.01, 0.15},
+                                                          {0.2, 0.05, 0.5},
+                                                          {0.5, 0.5, 1},
+                                                          {2, 2, 4}}};
+  constexpr double handicap = 4;
+  for (const RadioNoise& noise : kRadioNoises) {
+    double less = 0;
+    for (const auto& [forward, sideward, angular] : motions) {
+      auto o = options_for<PlanarBody<double>>(options_);
+      o.model.motion.acceleration = forward;
+      o.model.motion.sideward_acceleration = sideward;
+      o.model.motion.turn_acceleration = angular;
+      // Several tags tell enough of each other to do without all that bends or echoes, unless that
+      // is estimated.
+      if (noise.bias == 0) o.model.gate.sigmas = 2;
+      all_.push_back(follower(options_, o, noise));
+      all_.back()->handicap = less;
+      less += handicap;
+    }
   }
 }
 
 void HypothesisBank::add_points(int dimension) {
-  for (const double factor : kSigmaFactors) {
+  const auto add = [this](auto motion, const RadioNoise& noise, double acceleration) {
+    auto o = options_for<decltype(motion)>(options_);
+    o.model.motion.acceleration = acceleration;
+    all_.push_back(follower(options_, o, noise));
+  };
+  for (const RadioNoise& noise : kWhiteNoises) {
     for (const double acceleration : {0.15, 0.5, 1.5, 5.0}) {
       if (dimension == 2) {
-        auto o = options_for<ConstantVelocity<double, 2>>(options_);
-        o.model.motion.acceleration = acceleration;
-        all_.push_back(
-            std::make_unique<Follower<ConstantVelocity<double, 2>>>(options_, o, factor));
+        add(ConstantVelocity<double, 2>{}, noise, acceleration);
       } else {
-        auto o = options_for<ConstantVelocity<double, 3>>(options_);
-        o.model.motion.acceleration = acceleration;
-        all_.push_back(
-            std::make_unique<Follower<ConstantVelocity<double, 3>>>(options_, o, factor));
+        add(ConstantVelocity<double, 3>{}, noise, acceleration);
       }
     }
   }
@@ -308,17 +393,21 @@ void HypothesisBank::add_points(int dimension) {
 
 void HypothesisBank::add_inertial() {
   constexpr int yaws = 8;
-  // Noise of accelerometer and gyro, by how much the frame shakes, and the factor on sigmas.
-  constexpr std::array<std::array<double, 3>, 3> noises{
-      {{0.1, 0.005, 1}, {0.5, 0.02, 1}, {0.3, 0.01, 1.8}}};
-  for (const auto& [accelerometer, gyro, factor] : noises) {
+  // Noise of accelerometer and gyro, by how much the frame shakes.
+  struct Noise {
+    double accelerometer;
+    double gyro;
+    RadioNoise radio;
+  };
+  constexpr std::array<Noise, 3> noises{{{0.1, 0.005, {1}}, {0.5, 0.02, {1}}, {0.3, 0.01, {1.8}}}};
+  for (const auto& [accelerometer, gyro, radio] : noises) {
     for (int k = 0; k < yaws; ++k) {
       auto o = options_for<Inertial<double>>(options_);
       constexpr double spread = 0.4;  // [rad], half of the way to the next
       o.heading = Measured<double>{wrap_angle(2 * std::numbers::pi * k / yaws), spread * spread};
       o.model.motion.accelerometer_noise = accelerometer;
       o.model.motion.gyro_noise = gyro;
-      all_.push_back(std::make_unique<Follower<Inertial<double>>>(options_, o, factor));
+      all_.push_back(follower(options_, o, radio));
     }
   }
 }
@@ -335,6 +424,7 @@ Verdict HypothesisBank::take(const TimedMeasurement& m) {
       std::exp(-1e-6 * static_cast<double>(std::max<std::int64_t>(m.time - last_, 0)) / kMemory);
   last_ = std::max(last_, m.time);
   const Hypothesis* const judge = best_;
+  if (judge != nullptr) ++met_;
   Verdict told;
   double leading = -std::numeric_limits<double>::infinity();
   std::vector<Hypothesis*> fresh;
@@ -347,9 +437,11 @@ Verdict HypothesisBank::take(const TimedMeasurement& m) {
       fresh.push_back(h.get());
     }
     if (judge == nullptr ? h == all_.front() : h.get() == judge) told = verdict;
+    if (h.get() == listener_ && verdict.met_track) note_of_listener(m, verdict);
   }
   for (Hypothesis* h : fresh) h->score = std::isfinite(leading) ? leading - kLateStart : 0;
   choose();
+  judge_anchors(m.time);
   weed(m.time);
   return told;
 }
@@ -357,6 +449,94 @@ Verdict HypothesisBank::take(const TimedMeasurement& m) {
 void HypothesisBank::take(std::int64_t time, const InertialReading& sample) {
   fed_by_unit_ = true;
   for (const auto& h : all_) h->take(time, sample);
+}
+
+void HypothesisBank::note_of_listener(const TimedMeasurement& m, const Verdict& verdict) {
+  constexpr double step = 0.04;
+  const auto note = [&](Id anchor) {
+    AnchorRecord& record = records_[anchor];
+    ++record.count;
+    record.refused += step * ((verdict.used ? 0.0 : 1.0) - record.refused);
+  };
+  note(m.anchor_b);
+  if (m.is_difference) note(m.anchor_a);
+}
+
+void HypothesisBank::ignore_liars() {
+  constexpr std::size_t enough = 50;
+  constexpr double liar = 0.8;
+  constexpr double honest = 0.5;
+  const bool planar =
+      options_.motion == BodyMotion::kPointInPlane || options_.motion == BodyMotion::kPlanarBody;
+  const std::size_t fewest = planar ? 3 : 4;
+  std::set<Id> ignored = ignored_;
+  for (const auto& [anchor, record] : records_) {
+    if (record.count > enough && record.refused < honest) ignored.erase(anchor);
+    // What is left must tell of another liar, at least by not fitting.
+    const std::size_t left = options_.anchors.size() - ignored.size();
+    if (record.count > enough && record.refused > liar && left > fewest) {
+      ignored.insert(anchor);
+    }
+  }
+  if (ignored == ignored_) return;
+  ignored_ = ignored;
+  for (const auto& h : all_) {
+    if (!h->suspicious) h->ignored = ignored_;
+  }
+}
+
+void HypothesisBank::judge_anchors(std::int64_t time) {
+  listener_ = nullptr;
+  for (const auto& h : all_) {
+    if (!h->suspicious || !h->ignored.empty() || !h->tracking()) continue;
+    if (listener_ == nullptr || h->score > listener_->score) listener_ = h.get();
+  }
+  // One that is lost itself is no witness.
+  constexpr double credible = 30;
+  if (listener_ != nullptr && best_ != nullptr && best_->score - listener_->score > credible) {
+    listener_ = nullptr;
+    records_.clear();
+  }
+  ignore_liars();
+  constexpr std::int64_t pause = kSecond / 2;
+  constexpr double hopeless = 60;
+  if (best_ == nullptr) return;
+  if (begun_ < 0) begun_ = time;
+  if (time - judged_ < pause || time - begun_ < pause) return;
+  if (!best_->suspicious || best_->ignored == ignored_) return;
+  double other = -std::numeric_limits<double>::infinity();
+  for (const auto& h : all_) {
+    if (!h->suspicious && h->tracking()) other = std::max(other, h->score);
+  }
+  if (best_->score - other < hopeless) return;
+  judged_ = time;
+  ignored_ = best_->ignored;
+  std::erase_if(all_, [](const auto& h) { return !h->suspicious; });
+  add_all();
+}
+
+bool HypothesisBank::disputed(std::int64_t time) {
+  constexpr std::int64_t longest = kSecond;
+  constexpr double apart = 0.5;  // [m]
+  constexpr double sigmas = 2.5;
+  constexpr double decided = 30;  // in score
+  if (time - begun_ > longest) return false;
+  // One that does without an anchor may need another measurement to begin.
+  if (options_.motion != BodyMotion::kPlanarBody && time - begun_ < kSecond / 8 &&
+      options_.anchors.size() <= kMostSuspects &&
+      (met_ < 2 * options_.anchors.size() ||
+       std::ranges::any_of(all_, [](const auto& h) { return h->suspicious && !h->tracking(); }))) {
+    return true;
+  }
+  const auto mine = best_->at(time);
+  if (!mine) return false;
+  return std::ranges::any_of(all_, [&](const auto& h) {
+    if (!h->suspicious || !h->tracking() || best_->score - h->score > decided) return false;
+    const auto other = h->at(time);
+    if (!other) return false;
+    const double spread = std::sqrt(mine->covariance.trace() + other->covariance.trace());
+    return (other->position - mine->position).norm() > apart + sigmas * spread;
+  });
 }
 
 void HypothesisBank::weed(std::int64_t time) {
@@ -381,7 +561,9 @@ void HypothesisBank::weed(std::int64_t time) {
       restarted_ = time;
       ++restarts_;
       std::erase_if(all_, [](const auto& h) { return h->inertial(); });
+      const std::size_t before = all_.size();
       add_inertial();
+      for (std::size_t i = before; i < all_.size(); ++i) all_[i]->ignored = ignored_;
     }
     return;
   }
@@ -399,27 +581,46 @@ void HypothesisBank::weed(std::int64_t time) {
 }
 
 Result<Estimate> HypothesisBank::at(std::int64_t time) {
-  if (best_ == nullptr) return std::unexpected(Error::NotYetLocated);
+  if (best_ == nullptr || disputed(time)) return std::unexpected(Error::NotYetLocated);
   const Result<Estimate> best = best_->at(time);
   if (!best) return best;
   struct Weighed {
     double weight;
+    bool estimates_biases;
     Estimate estimate;
   };
   std::vector<Weighed> weighed;
-  double total = 0;
-  for (const auto& h : all_) {
-    const double weight = std::exp(credit(*h) - credit(*best_));
-    if (!h->tracking() || weight < 1e-3) continue;
-    auto e = h.get() == best_ ? best : h->at(time);
-    if (!e) continue;
-    // One that knows no attitude has the tag for the body.
-    if (!e->attitude && best->attitude && options_.tags.size() == 1) {
-      e->position -= rotate(*best->attitude, options_.tags.begin()->second);
+  for (const bool family : {false, true}) {
+    if (family && !best_->estimates_biases()) continue;
+    const Hypothesis* leader = nullptr;
+    for (const auto& h : all_) {
+      if (h->estimates_biases() != family || !h->tracking()) continue;
+      if (h->suspicious && !best_->suspicious) continue;
+      if (leader == nullptr || credit(*h) > credit(*leader)) leader = h.get();
     }
-    weighed.push_back({weight, *e});
-    total += weight;
+    for (const auto& h : all_) {
+      if (h->estimates_biases() != family || !h->tracking()) continue;
+      if (h->suspicious && !best_->suspicious) continue;
+      const double weight = std::exp(credit(*h) - credit(*leader));
+      if (weight < 1e-3) continue;
+      auto e = h.get() == best_ ? best : h->at(time);
+      if (!e) continue;
+      // One that knows no attitude has the tag for the body.
+      if (!e->attitude && best->attitude && options_.tags.size() == 1) {
+        e->position -= rotate(*best->attitude, options_.tags.begin()->second);
+      }
+      // The mean of two places is neither.
+      const double reach = std::sqrt(best->covariance.trace()) + std::sqrt(e->covariance.trace());
+      if ((e->position - best->position).norm() > 0.3 + 4 * reach) continue;
+      weighed.push_back({weight, family, *e});
+    }
   }
+  std::array<double, 2> of_family{};
+  for (const Weighed& w : weighed) of_family[w.estimates_biases ? 1 : 0] += w.weight;
+  for (Weighed& w : weighed) w.weight /= of_family[w.estimates_biases ? 1 : 0];
+  double total = 0;
+  for (const double sum : of_family) total += sum > 0 ? 1 : 0;
+
   Estimate mixed = *best;
   mixed.position.setZero();
   mixed.covariance.setZero();
@@ -435,13 +636,22 @@ Result<Estimate> HypothesisBank::at(std::int64_t time) {
     turn /= of_heading;
     mixed.heading = {wrap_angle(best->heading->value + turn), 0};
   }
+  // What white noise takes for certainty is not that: where biases are estimated, theirs counts.
+  const bool honest = of_family[1] > 0;
+  double counted = 0;
+  double counted_heading = 0;
   for (const Weighed& w : weighed) {
+    if (honest && !w.estimates_biases) continue;
+    counted += w.weight;
     const Vec3 off = w.estimate.position - mixed.position;
-    mixed.covariance += w.weight / total * (w.estimate.covariance + off * off.transpose());
+    mixed.covariance += w.weight * (w.estimate.covariance + off * off.transpose());
     if (!mixed.heading || !w.estimate.heading) continue;
+    counted_heading += w.weight;
     const double d = angle_difference(w.estimate.heading->value, mixed.heading->value);
-    mixed.heading->variance += w.weight / of_heading * (w.estimate.heading->variance + d * d);
+    mixed.heading->variance += w.weight * (w.estimate.heading->variance + d * d);
   }
+  mixed.covariance /= counted;
+  if (mixed.heading) mixed.heading->variance /= counted_heading;
   return mixed;
 }
 

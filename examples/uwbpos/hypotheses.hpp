@@ -9,12 +9,17 @@
 ///   (1) \f$ s_k \leftarrow s_k e^{-\Delta t/T} + \ln p_k(z),\quad
 ///       p_k(z) = (1 - \varepsilon) N(\nu; 0, S) + \varepsilon / w \f$
 /// over all measurements z; one that its gate refuses is an outlier, worth ε/w. Causal: nothing is
-/// known before its time.
+/// known before its time. For each anchor some do without it, as one that lies from the start can
+/// mislead all that begin with it. Some hold a radio's errors to be white, others to be mostly
+/// biases of the links that change as the body moves, which they estimate: only these know how well
+/// they know. Where these lead, each family says half of where the body is, as they err differently
+/// (Bates, Granger, Operational Research Quarterly 20(4), 1969), and these how well that is known.
 
 #include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "uwbpos/core/result.hpp"
@@ -72,9 +77,13 @@ class Hypothesis {
   [[nodiscard]] virtual bool tracking() const = 0;
   /// Whether it needs an inertial unit.
   [[nodiscard]] virtual bool inertial() const = 0;
+  /// Whether it estimates biases of the links.
+  [[nodiscard]] virtual bool estimates_biases() const = 0;
 
-  double score = 0;     ///< (1)
-  double handicap = 0;  ///< how much less it is believed beforehand than the first
+  std::set<Id> ignored;     ///< anchors that it does not listen to
+  bool suspicious = false;  ///< holds one anchor, or none, to lie, whatever the others hold
+  double score = 0;         ///< (1)
+  double handicap = 0;      ///< how much less it is believed beforehand than the first
 };
 
 /// How the body moves.
@@ -85,6 +94,7 @@ struct BankOptions {
   BodyMotion motion;
   Points anchors;                              ///< heights zero where they are left out
   Points tags;                                 ///< lever arms; empty: tags are the body's origin
+  double sigma = 0.1;                          ///< of a range, typically [m]
   double height = 0;                           ///< of the body's origin in the plane [m]
   std::optional<Vec3> side = std::nullopt;     ///< where the tags are, of coplanar anchors
   std::optional<Vec3> prior = std::nullopt;    ///< [m]
@@ -115,17 +125,36 @@ class HypothesisBank {
   [[nodiscard]] std::size_t restarts() const { return restarts_; }
 
  private:
+  void add_bodies();
   void add_points(int dimension);
   void add_inertial();
+  void add_suspicious();
+  void add_all();
+  void judge_anchors(std::int64_t time);
+  void ignore_liars();
+  void note_of_listener(const TimedMeasurement& m, const Verdict& verdict);
+  [[nodiscard]] bool disputed(std::int64_t time);
   void weed(std::int64_t time);
   void choose();
+
+  // What the suspicious hypothesis that listens to all anchors makes of one.
+  struct AnchorRecord {
+    std::size_t count = 0;
+    double refused = 0;  // share of late
+  };
 
   BankOptions options_;
   std::vector<std::unique_ptr<Hypothesis>> all_;
   Hypothesis* best_ = nullptr;
+  Hypothesis* listener_ = nullptr;
+  std::map<Id, AnchorRecord> records_;
+  std::size_t met_ = 0;  // measurements since there was a track
   std::int64_t last_ = 0;
   std::int64_t weeded_ = 0;
   std::int64_t restarted_ = 0;
+  std::int64_t begun_ = -1;  // when there was a best one
+  std::int64_t judged_ = 0;
+  std::set<Id> ignored_;  // anchors that all but suspicious ones ignore
   std::size_t restarts_ = 0;
   bool fed_by_unit_ = false;
 };

@@ -91,6 +91,7 @@ Recording read_recording(const Settings& settings, Problems& problems) {
     recording.counts.rows += counts.rows;
     recording.counts.no_reading += counts.no_reading;
     recording.counts.out_of_order += counts.out_of_order;
+    std::ranges::copy(counts.clock_resets, std::back_inserter(recording.counts.clock_resets));
   };
   if (!settings.ranges.empty()) {
     Log<Reading> log = read_ranges(settings.ranges, problems);
@@ -151,6 +152,12 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
     said.push_back(fmt::format("{} more than {} s out of order in the file; sorted by time.",
                                count_of(recording.counts.out_of_order, "row"), kReorderWindow));
   }
+  for (const ClockReset& reset : recording.counts.clock_resets) {
+    said.push_back(
+        fmt::format("The clock of a log was set back by {:.6g} s: times from there on are taken to "
+                    "go on at {:.6g} s, in track.tum too; how long it was silent nobody knows.",
+                    reset.back, reset.t));
+  }
   if (recording.ranging) {
     for (const auto& [reason, count] : recording.ranging->refused) {
       said.push_back(
@@ -193,6 +200,17 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
       said.push_back(fmt::format(
           "The filter was locked out by its own gate and began anew where measurements agreed, {}.",
           count_of(f.reopened, "time")));
+    }
+    if (f.apart_in_space) {
+      said.push_back(fmt::format(
+          "{} in space are followed one by one, as points: without an inertial unit the attitude "
+          "that would join them is not known. With --height, on a floor, or --imu they are one "
+          "body.",
+          count_of(replay.of_tag.size(), "tag")));
+    } else if (f.apart) {
+      said.push_back(fmt::format(
+          "{} are followed one by one, as points: no tags file tells where they sit on one body.",
+          count_of(replay.of_tag.size(), "tag")));
     }
     if (!f.unused_unit.empty()) {
       said.push_back(fmt::format("The inertial unit was not used: {}.", f.unused_unit));

@@ -304,6 +304,19 @@ std::string report_html(const Settings& settings, const Recording& recording, co
   if (recording.ranging && !recording.ranging->scored.empty()) {
     page += range_section(*recording.ranging);
   }
+  if (replay.filtering && !replay.filtering->interruptions.empty()) {
+    std::vector<std::string> sentences;
+    for (const Interruption& i : replay.filtering->interruptions) {
+      constexpr std::size_t most = 12;
+      if (sentences.size() == most) {
+        sentences.push_back(fmt::format("… {} in all; summary.json has each of them",
+                                        replay.filtering->interruptions.size()));
+        break;
+      }
+      sentences.push_back(words_of(i, replay.of_tag.size() > 1));
+    }
+    page += card("Interruptions and recovery", list(sentences));
+  }
   if (replay.filtering && !replay.filtering->refused.empty()) {
     page += card("Refused measurements", rejected_table(replay.filtering->refused, "measurements"));
   }

@@ -69,7 +69,7 @@ li { overflow-wrap: anywhere; }
 footer { color: var(--muted); font-size: 0.86rem; margin-top: 20px; }
 @media (max-width: 720px) {
   main { padding: 16px 12px 32px; }
-  .grid { display: flex; flex-direction: column; gap: 12px; }
+  .grid { display: flex; flex-direction: column; align-items: stretch; gap: 12px; }
   .column { display: contents; }
   .later { order: 1; }
   .numbers, .numbers.two-rows { grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 8px; }

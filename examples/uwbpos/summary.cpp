@@ -67,6 +67,15 @@ void add_outcome(Json& json, const Outcome& outcome) {
   }
 }
 
+Json json_of(const std::vector<Interruption>& interruptions) {
+  Json json = Json::array();
+  for (const Interruption& i : interruptions) {
+    json.push_back({{"t_s", i.t}, {"tag_id", i.tag}, {"cause", i.cause}, {"without_s", i.silent}});
+    json.back()["recovery_s"] = i.recovery ? Json(*i.recovery) : Json(nullptr);
+  }
+  return json;
+}
+
 std::map<std::pair<Id, Id>, std::vector<ScoredRange>> by_link(const Ranging& ranging) {
   std::map<std::pair<Id, Id>, std::vector<ScoredRange>> links;
   for (const ScoredRange& range : ranging.scored) links[{range.tag, range.anchor}].push_back(range);
@@ -165,8 +174,15 @@ std::string summary_json(const Settings& settings, const Recording& recording, c
                         {"of_anchor", of_anchor},
                         {"guilty_anchors", guilty_anchors(f)},
                         {"reopened", f.reopened},
+                        {"interruptions", json_of(f.interruptions)},
                         {"inertial_samples", f.samples},
                         {"inertial_epochs", f.inertial_epochs}};
+      if (f.first_pose_after) json["filter"]["first_pose_after_s"] = *f.first_pose_after;
+      if (std::isfinite(slowest_recovery(f))) {
+        json["filter"]["slowest_recovery_s"] = slowest_recovery(f);
+      }
+      if (f.settled_rmse) json["filter"]["settled_rmse_m"] = *f.settled_rmse;
+      if (f.mean_nees) json["filter"]["mean_nees"] = *f.mean_nees;
       if (!f.innovations.empty()) {
         json["filter"]["mean_nis"] = sum / static_cast<double>(f.innovations.size());
       }
@@ -256,6 +272,16 @@ std::string summary_table(const Settings& settings, const Recording& recording,
   if (replay.body) text += body_rows(*replay.body, replay.dim);
   for (const auto& [reason, count] : replay.body ? replay.body->rejected : replay.all.rejected) {
     text += fmt::format("{} rejected: {}\n", count_of(count, "epoch"), reason_words(reason));
+  }
+  if (replay.filtering) {
+    constexpr std::size_t most = 8;
+    const auto& all = replay.filtering->interruptions;
+    for (std::size_t i = 0; i < all.size() && i < most; ++i) {
+      text += fmt::format("interrupted {}\n", words_of(all[i], replay.of_tag.size() > 1));
+    }
+    if (all.size() > most) {
+      text += fmt::format("… and {} more times; summary.json has them\n", all.size() - most);
+    }
   }
   if (rate_of(replay) > 0) {
     text += fmt::format("{:.0f} {} per second\n", rate_of(replay),

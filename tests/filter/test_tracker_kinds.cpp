@@ -116,6 +116,40 @@ TEST_CASE_TEMPLATE("tracker kinds: anchors' biases are found, those that can be"
   for (std::uint32_t id = 0; id < 3; ++id) CHECK(few.bias(id).error() == Error::NotYetTracked);
 }
 
+TEST_CASE_TEMPLATE("tracker kinds: biases of links tell tags apart", S, float, double) {
+  sim::Random random{"biases of links"};
+  constexpr TrackerSize size{.biases = 2 * static_cast<int>(test::kHallAnchors),
+                             .bias_by_link = true};
+  TrackerOptions<ConstantVelocity<S, 3>> options;
+  options.model.bias_sigma = S(0.2);
+  options.model.bias_time = S(1000);
+  Tracker<ConstantVelocity<S, 3>, size> tracker{options};
+  test::hang_anchors(tracker);
+  const test::Course course{1};
+  const auto biased = [](std::uint32_t id, std::uint32_t tag) {
+    return id == 2 && tag == 1 ? 0.4 : 0.0;
+  };
+  for (std::int64_t time = 0; time < 40'000'000; time += test::kSlot) {
+    const auto slot = static_cast<std::uint32_t>(time / test::kSlot);
+    const std::uint32_t id = slot % test::kHallAnchors;
+    const std::uint32_t tag = slot / test::kHallAnchors % 2;
+    const double range = test::hall_range(id, course.position(1e-6 * static_cast<double>(time))) +
+                         biased(id, tag) + random.normal(0, 0.05);
+    static_cast<void>(tracker.update(TimedRange<S>{time, id, static_cast<S>(range), S(0.05), tag}));
+  }
+  for (const std::uint32_t tag : {0u, 1u}) {
+    for (std::uint32_t id = 0; id < test::kHallAnchors; ++id) {
+      const auto bias = tracker.bias(id, tag);
+      REQUIRE(bias);
+      const double error = static_cast<double>(bias->value) - biased(id, tag);
+      // 16 of them within four standard deviations, and the anchor's mean of both tags is not.
+      CHECK(std::abs(error) < 4 * std::sqrt(static_cast<double>(bias->variance)));
+      CHECK(std::abs(error) < 0.2);
+    }
+  }
+  CHECK(tracker.bias(2, 7).error() == Error::UnknownAnchor);
+}
+
 TEST_CASE("tracker kinds: float follows double in flight, with an inertial unit and lever arms") {
   sim::Random random{"flight"};
   const test::Course course{2};

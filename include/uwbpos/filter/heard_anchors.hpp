@@ -12,11 +12,11 @@
 namespace uwbpos {
 
 /// Places 0 … Capacity − 1 for ids, given in the order in which they are asked for.
-template <int Capacity>
+template <int Capacity, class Id = std::uint32_t>
 class PlacesById {
  public:
   /// The place of an id, −1 without one. O(Capacity).
-  [[nodiscard]] int find(std::uint32_t id) const {
+  [[nodiscard]] int find(Id id) const {
     for (int k = 0; k < size_; ++k) {
       if (ids_[static_cast<std::size_t>(k)] == id) return k;
     }
@@ -24,7 +24,7 @@ class PlacesById {
   }
 
   /// The same; a new id gets the next place while there is one.
-  [[nodiscard]] int place(std::uint32_t id) {
+  [[nodiscard]] int place(Id id) {
     const int found = find(id);
     if (found >= 0 || size_ == Capacity) return found;
     ids_[static_cast<std::size_t>(size_)] = id;
@@ -32,7 +32,7 @@ class PlacesById {
   }
 
  private:
-  std::array<std::uint32_t, static_cast<std::size_t>(Capacity + 1)> ids_{};
+  std::array<Id, static_cast<std::size_t>(Capacity + 1)> ids_{};
   int size_ = 0;
 };
 

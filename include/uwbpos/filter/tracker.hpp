@@ -17,6 +17,7 @@
 
 #include <cmath>
 #include <optional>
+#include <type_traits>
 
 #include "uwbpos/filter/heard_anchors.hpp"
 #include "uwbpos/filter/track_keeper.hpp"
@@ -119,12 +120,12 @@ class Tracker {
     return keeper_.options().model.motion.pose(at->time, at->state, at->covariance);
   }
 
-  /// The bias of an anchor's ranges [m], estimate minus truth. Errors: NotYetLocated;
-  /// UnknownAnchor, one without an estimate; NotYetTracked, not observed: the measurements have not
-  /// yet told half of its variance.
-  [[nodiscard]] Result<Measured<S>> bias(std::uint32_t anchor) const {
+  /// The bias of an anchor's ranges [m], estimate minus truth; with `Size.bias_by_link`, to this
+  /// tag. Errors: NotYetLocated; UnknownAnchor, one without an estimate; NotYetTracked, not
+  /// observed: the measurements have not yet told half of its variance.
+  [[nodiscard]] Result<Measured<S>> bias(std::uint32_t anchor, std::uint32_t tag = 0) const {
     if (!keeper_.tracking()) return std::unexpected(Error::NotYetLocated);
-    const int slot = biased_.find(anchor);
+    const int slot = biased_.find(biased(anchor, tag));
     if (slot < 0) return std::unexpected(Error::UnknownAnchor);
     const S variance = keeper_.head().covariance(Track::kBias + slot, Track::kBias + slot);
     const S sigma = keeper_.options().model.bias_sigma;
@@ -147,6 +148,12 @@ class Tracker {
 
  private:
   static constexpr bool kRobot = requires { Motion::kSpeed; };
+  using Biased = std::conditional_t<Size.bias_by_link, std::uint64_t, std::uint32_t>;
+
+  // What has a bias of its own.
+  [[nodiscard]] static constexpr Biased biased(std::uint32_t anchor, std::uint32_t tag) {
+    return static_cast<Biased>(Size.bias_by_link ? std::uint64_t{tag} << 32 | anchor : anchor);
+  }
 
   [[nodiscard]] Told refuse(Error error) {
     counters_.count(error);
@@ -170,8 +177,8 @@ class Tracker {
       return refuse(Error::ImpossibleDifference);
     }
     ArrivalEvent<S> event{*a, *b, *lever, value, sigma * sigma, from.value_or(to), to, tag};
-    event.bias_a = from ? biased_.place(*from) : -1;
-    event.bias_b = biased_.place(to);
+    event.bias_a = from ? biased_.place(biased(*from, tag)) : -1;
+    event.bias_b = biased_.place(biased(to, tag));
     event.is_difference = from.has_value();
     event.shared = shared;
     const bool tracked = keeper_.tracking();
@@ -204,7 +211,7 @@ class Tracker {
   Anchors<S, 3, Size.anchors> anchors_;
   Anchors<S, 3, Size.tags> tags_;
   HeardAnchors<Size.anchors> heard_;
-  PlacesById<Size.biases> biased_;  // those heard first
+  PlacesById<Size.biases, Biased> biased_;  // those heard first
   GateCounters counters_;
 };
 

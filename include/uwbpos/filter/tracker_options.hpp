@@ -48,9 +48,10 @@ template <class Motion>
 struct TrackerSize {
   int anchors = 32;  ///< most of them
   int tags = 8;      ///< most on the body
-  int biases = 0;    ///< anchors whose bias is estimated, the first heard; 0: none
+  int biases = 0;    ///< anchors, or links, whose bias is estimated, the first heard; 0: none
   int window = 64;   ///< measurements that are remembered
   int stride = 16;   ///< between snapshots of the track among them; divides `window`
+  bool bias_by_link = false;  ///< each tag and anchor have a bias of their own; else each anchor
 };
 
 /// What became of a measurement.
