@@ -216,6 +216,36 @@ def check_features():
                     fault(table, number, f"no such file: {(folder / name).relative_to(ROOT)}")
 
 
+def check_hard_use():
+    """The cases that docs/hard_use.md names exist, under that name and in that file."""
+    table = ROOT / "docs" / "hard_use.md"
+    cases = {}
+    named = 0
+    for number, line in enumerate(text_of(table).splitlines(), 1):
+        for name, sentence in re.findall(r"`([\w/]+\.cpp)`: “([^”]*)”", line):
+            path = ROOT / "tests" / name
+            if path not in cases:
+                cases[path] = cases_of(text_of(path)) if path.is_file() else None
+            named += 1
+            if cases[path] is None:
+                fault(table, number, f"no such file: tests/{name}")
+            elif sentence not in cases[path]:
+                fault(table, number, f"tests/{name} has no case “{sentence}”")
+        if line.startswith("| ") and line.count("“") != len(re.findall(r"`[\w/]+\.cpp`: “", line)):
+            fault(table, number, "a case is written `folder/test_file.cpp`: “its name”")
+        if line.startswith("| ") and not re.match(r"\| (hazard|---)", line) and "“" not in line and "`scripts/" not in line:
+            fault(table, number, "a row without a case")
+    if named == 0:
+        fault(table, 1, "names no case")
+
+
+def cases_of(text):
+    """Names of doctest cases; neighbouring string literals are one."""
+    pattern = r'\bTEST_CASE(?:_TEMPLATE)?\(\s*((?:"(?:\\.|[^"\\\n])*"\s*)+)[,)]'
+    literals = (re.findall(r'"((?:\\.|[^"\\])*)"', match) for match in re.findall(pattern, text))
+    return {"".join(parts) for parts in literals}
+
+
 def main():
     paths = files()
     headers = sorted((INCLUDE / "uwbpos").rglob("*.hpp"))
@@ -225,6 +255,7 @@ def main():
     check_umbrella(headers)
     check_version(paths)
     check_features()
+    check_hard_use()
     check_texts(paths)
     print("\n".join(faults) if faults else f"house rules: {len(paths)} files, no fault")
     return 1 if faults else 0

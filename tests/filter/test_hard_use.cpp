@@ -160,6 +160,31 @@ TEST_CASE_TEMPLATE("hard use: every packet twice, soon or late, leaves the same 
   CHECK(same_bits(once.track(), late.track()));
 }
 
+TEST_CASE_TEMPLATE(
+    "hard use: a burst of packets from before its memory costs a track, not the truth", S, float,
+    double) {
+  // Old packets in a row look as a clock that was set back.
+  Point<S> tracker = point<S>();
+  const auto ranges = ranges_of_course<S>(0, 12);
+  const auto now = std::ranges::lower_bound(ranges, 10'000'000, {}, &TimedRange<S>::time);
+  for (auto r = ranges.begin(); r != now; ++r) static_cast<void>(tracker.update(*r));
+  const S before = tracker.pose()->covariance(0, 0);
+  int jumps = 0;
+  for (int round = 0; round < 5; ++round) {
+    for (auto r = now - 250; r != now - 200; ++r) {
+      const auto told = tracker.update(*r);
+      jumps += !told && told.error() == Error::ClockJump ? 1 : 0;
+    }
+  }
+  CHECK(jumps >= 1);
+  // Told five times, they know no more than once.
+  if (tracker.tracking()) CHECK(tracker.track().covariance(0, 0) > before / S(2));
+  for (auto r = now; r != ranges.end(); ++r) {
+    static_cast<void>(tracker.update(*r));
+    if (r->time > 10'250'000) CHECK(error_at(tracker, place_at(r->time)) < 0.5);
+  }
+}
+
 TEST_CASE_TEMPLATE("hard use: repeats of every kind are known", S, float, double) {
   TrackerOptions<PlanarRobot<S>> options;
   options.heading = Measured<S>{S(0), S(0.01)};

@@ -162,6 +162,11 @@ TEST_CASE("hard use: denormal cells are numbers, beyond them they are malformed"
   REQUIRE(log.rows.size() == 2);
   CHECK(log.rows[0].range == 4e-320);
   CHECK(problems.total() == 0);
+  const auto zero = read_ranges(
+      files.write("z.csv", "t_s,anchor_id,range_m,sigma_m\n1,1,4,0\n1,2,4,-1\n1,3,4,1e-999\n"),
+      problems);
+  CHECK(zero.rows.empty());
+  CHECK(problems.total() == 3);
   // A round of them: no position from such a sigma, and its name.
   std::string rows = "t_s,anchor_id,range_m,sigma_m\n";
   for (int anchor = 0; anchor < 6; ++anchor) {
@@ -211,6 +216,24 @@ TEST_CASE("hard use: an anchor stuck at one range is named by the filter") {
                }));
   CHECK(summary.at("error_m").at("rmse").get<double>() < 0.2);
   CHECK(files.read("out/report.html").find("Anchor 2 is guilty") != std::string::npos);
+}
+
+TEST_CASE("hard use: behind twenty silent seconds epochs are lost until a first fix") {
+  const Files files;
+  auto rows = rows_of_circle(2000, unchanged);
+  rows.erase(rows.begin() + 500, rows.begin() + 1500);
+  rows.resize(1000);
+  REQUIRE(run_with({"replay", "--anchors", files.write("a.csv", kAnchors), "--ranges",
+                    files.write("r.csv", joined(rows)), "--truth",
+                    files.write("t.tum", truth_of_circle(40)), "--height", "1", "--filter", "--out",
+                    files.path("out")}) == kSuccess);
+  const Json summary = Json::parse(files.read("out/summary.json"));
+  const int lost = summary.at("rejected").at("track_lost").get<int>();
+  CHECK(lost >= 1);
+  CHECK(lost < 10);
+  CHECK(summary.at("filter").at("refused").at("gap_too_long") == 7);
+  CHECK(summary.at("filter").at("refused").at("clock_jump") == 1);
+  CHECK(summary.at("error_m").at("rmse").get<double>() < 0.1);
 }
 
 TEST_CASE("hard use: a reply longer than its round trip is refused and counted") {
