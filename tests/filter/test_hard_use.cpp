@@ -258,6 +258,24 @@ TEST_CASE_TEMPLATE("hard use: an anchor stuck at one range is refused, and named
   CHECK(refused_share(tracker.counters(stuck)) > 0.5f);
 }
 
+TEST_CASE_TEMPLATE("hard use: an anchor that becomes two metres long is refused, and named", S,
+                   float, double) {
+  for (std::uint32_t liar = 0; liar < test::kHallAnchors; ++liar) {
+    Point<S> tracker = tracking<S>(2);
+    const AnchorCounters before = tracker.counters(liar);
+    for (TimedRange<S> range : ranges_of_course<S>(2, 20)) {
+      if (range.anchor == liar) range.range += S(2);
+      static_cast<void>(tracker.update(range));
+      // Heights are the worst, one anchor of eight less.
+      CHECK(error_at(tracker, place_at(range.time)) < 0.7);
+    }
+    CHECK(tracker.counters(liar).used == before.used);
+    for (std::uint32_t id = 0; id < test::kHallAnchors; ++id) {
+      if (id != liar) CHECK(refused_share(tracker.counters(id)) < 0.05f);
+    }
+  }
+}
+
 TEST_CASE_TEMPLATE("hard use: out of coverage the track is lost, and begins anew behind it", S,
                    float, double) {
   Point<S> tracker = tracking<S>(10);

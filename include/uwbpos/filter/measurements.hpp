@@ -119,6 +119,14 @@ template <class S>
   return std::nullopt;
 }
 
+/// What is wrong with a value or its standard deviation, or nothing. Error::NotFinite; those of
+/// `check_sigma`.
+template <class S>
+[[nodiscard]] std::optional<Error> check_measured(S value, S sigma) {
+  if (!std::isfinite(value)) return Error::NotFinite;
+  return check_sigma(sigma);
+}
+
 }  // namespace uwbpos
 
 #include "uwbpos/core/macros_back.hpp"

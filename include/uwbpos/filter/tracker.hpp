@@ -69,8 +69,7 @@ class Tracker {
   [[nodiscard]] Told update(const TimedDifference<S>& m) {
     return arrival(m.time, m.tag, m.anchor_b, m.difference, m.sigma, m.anchor_a, m.shared);
   }
-  /// A sample of an inertial unit. Unreachable also for turns beyond 200 rad/s and forces beyond
-  /// 2000 m/s².
+  /// A sample of an inertial unit. Unreachable: not `is_bearable`.
   [[nodiscard]] Told update(const ImuSample<S>& m) {
     if (!all_finite(m.gyro) || !all_finite(m.accelerometer)) return refuse(Error::NotFinite);
     if (!is_bearable(m)) return refuse(Error::Unreachable);
@@ -100,9 +99,8 @@ class Tracker {
     if (!all_finite(part)) return refuse(Error::NotFinite);
     const auto factored = FactoredCovariance<S, kDimension>::from_matrix(covariance);
     if (!factored) return refuse(factored.error());
-    for (int k = 0; k < kDimension; ++k) {
-      if (const auto error = check_sigma(std::sqrt(factored->diagonal()[k]))) return refuse(*error);
-    }
+    const S thinnest = std::sqrt(factored->diagonal().minCoeff());
+    if (const auto error = check_sigma(thinnest)) return refuse(*error);
     return push({m.time, m});
   }
   /// A velocity.
@@ -162,8 +160,7 @@ class Tracker {
 
   [[nodiscard]] Told arrival(std::int64_t time, std::uint32_t tag, std::uint32_t to, S value,
                              S sigma, std::optional<std::uint32_t> from, bool shared) {
-    if (!std::isfinite(value)) return refuse(Error::NotFinite);
-    if (const auto error = check_sigma(sigma)) return refuse(*error);
+    if (const auto error = check_measured(value, sigma)) return refuse(*error);
     const Result<Vec<S, 3>> b = anchors_.find(to);
     const Result<Vec<S, 3>> a = from ? anchors_.find(*from) : b;
     if (!a || !b) return refuse(Error::UnknownAnchor);
@@ -183,11 +180,11 @@ class Tracker {
     event.shared = shared;
     const bool tracked = keeper_.tracking();
     const Told told = push({time, event});
-    if (tracked) {
-      const bool used = told && told->event == TrackEvent::Used;
-      const bool refused = !told && told.error() != Error::TimeNotIncreasing;
-      if (used || refused) heard_.count(to, used);
-      if (from && (used || refused)) heard_.count(*from, used);
+    const bool used = told && told->event == TrackEvent::Used;
+    const bool refused = !told && told.error() != Error::TimeNotIncreasing;
+    if (tracked && (used || refused)) {
+      heard_.count(to, used);
+      if (from) heard_.count(*from, used);
     }
     return told;
   }
@@ -195,8 +192,7 @@ class Tracker {
   [[nodiscard]] Told scalar(std::int64_t time, typename ScalarEvent<S>::Kind kind, S value, S sigma,
                             bool has_use) {
     if (!has_use) return refuse(Error::InvalidOption);
-    if (!std::isfinite(value)) return refuse(Error::NotFinite);
-    if (const auto error = check_sigma(sigma)) return refuse(*error);
+    if (const auto error = check_measured(value, sigma)) return refuse(*error);
     return push({time, ScalarEvent<S>{kind, value, sigma * sigma}});
   }
 
