@@ -235,6 +235,48 @@ def check_features():
                     fault(table, number, f"no such file: {(folder / name).relative_to(ROOT)}")
 
 
+def check_hard_use():
+    """The cases that docs/hard_use.md names exist in that file, and run in float and in double
+    unless it says otherwise."""
+    table = ROOT / "docs" / "hard_use.md"
+    case = r"`([\w/]+\.cpp)`: “([^”]*)”( \(\*[a-z ]+\*\))?"
+    cases = {}
+    named = 0
+    for number, line in enumerate(text_of(table).splitlines(), 1):
+        for name, sentence, mark in re.findall(case, line):
+            path = ROOT / "tests" / name
+            if path not in cases:
+                cases[path] = cases_of(text_of(path)) if path.is_file() else {}
+            named += 1
+            if sentence not in cases[path]:
+                fault(table, number, f"tests/{name} has no case “{sentence}”")
+            elif cases[path][sentence] == bool(mark) and not name.startswith("host/"):
+                fault(table, number, f"marked as no template, or not marked as none: “{sentence}”")
+        if not line.startswith("| ") or re.match(r"\| (?:hazard|---) ", line):
+            continue
+        proof = line.split(" | ")[-1]
+        cited = len(re.findall(r"`[\w/]+\.cpp`", proof))
+        if cited != len(re.findall(case, proof)):
+            fault(table, number, "a case is written `folder/test_file.cpp`: “its name”")
+        scripts = re.findall(r"`(scripts/\w+\.py)`", proof)
+        if cited == 0 and not scripts:
+            fault(table, number, "a row without a proof")
+        for script in scripts:
+            if not (ROOT / script).is_file():
+                fault(table, number, f"no such file: {script}")
+    if named == 0:
+        fault(table, 1, "names no case")
+
+
+def cases_of(text):
+    """Names of doctest cases, neighbouring literals joined; whether each is one of float and double."""
+    pattern = r'\bTEST_CASE(?:_TEMPLATE)?\(\s*((?:"(?:\\.|[^"\\\n])*"\s*)+)([,)][^{]*)'
+    return {
+        "".join(re.findall(r'"((?:\\.|[^"\\])*)"', literals)): "float, double)" in " ".join(rest.split())
+        for literals, rest in re.findall(pattern, text)
+    }
+
+
 def main():
     paths = files()
     headers = sorted((INCLUDE / "uwbpos").rglob("*.hpp"))
@@ -245,6 +287,7 @@ def main():
     check_version(paths)
     check_homepage()
     check_features()
+    check_hard_use()
     check_texts(paths)
     print("\n".join(faults) if faults else f"house rules: {len(paths)} files, no fault")
     return 1 if faults else 0

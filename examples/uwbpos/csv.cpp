@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <fstream>
+#include <limits>
 #include <memory>
 
 #include <csv.h>
@@ -18,7 +19,6 @@ namespace uwbpos::host {
 namespace {
 
 constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
-constexpr std::size_t kLongestLine = std::size_t{1} << 16;
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
@@ -45,6 +45,24 @@ std::optional<Integer> parse_integer(std::string_view text) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
   return value;
+}
+
+// The next line without its end, and how many bytes it took; of a longer one than the buffer, what
+// fits. False at the end.
+bool next_line(std::istream& stream, std::span<char> buffer, std::string_view& line,
+               std::size_t& bytes) {
+  stream.getline(buffer.data(), static_cast<std::streamsize>(buffer.size()));
+  const auto count = static_cast<std::size_t>(stream.gcount());
+  bytes += count;
+  if (count == 0) return false;
+  const bool ended = !stream.eof() && !stream.fail();  // by a newline, which is counted
+  line = {buffer.data(), ended ? count - 1 : count};
+  if (stream.fail() && !stream.eof() && !stream.bad()) {
+    stream.clear();
+    stream.ignore(std::numeric_limits<std::streamsize>::max(), '\n');
+    bytes += static_cast<std::size_t>(stream.gcount());
+  }
+  return true;
 }
 
 // Splits one line at a time with libcsv, so that every row knows its line.
@@ -236,12 +254,11 @@ void read_lines(const std::filesystem::path& file,
   const std::uintmax_t size = no_size ? 0 : told;
   Progress progress{fmt::format("reading {}", file.string())};
   std::size_t bytes = 0;
-  std::string text;
-  for (std::size_t number = 1; std::getline(stream, text); ++number) {
+  std::vector<char> buffer(kLongestLine + 2);  // one byte too many tells a longer line
+  std::string_view line;
+  for (std::size_t number = 1; next_line(stream, buffer, line, bytes); ++number) {
     constexpr std::size_t lines_between = 4096;
     if (number % lines_between == 0 && bytes < size) progress(bytes, size);
-    bytes += text.size() + 1;
-    std::string_view line = text;
     if (number == 1) {
       if (line.starts_with("\xFF\xFE") || line.starts_with("\xFE\xFF")) {
         throw Failure{fmt::format("{}: is UTF-16 text; expected UTF-8", file.string())};

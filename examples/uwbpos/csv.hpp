@@ -106,8 +106,12 @@ class Row {
 std::size_t read_csv(const std::filesystem::path& file, std::initializer_list<Column> columns,
                      Problems& problems, const std::function<void(const Row&)>& on_row);
 
+/// The longest line that is read [bytes].
+inline constexpr std::size_t kLongestLine = std::size_t{1} << 16;
+
 /// Calls `on_line(line, number)` for each line of a text file, without its line end and without a
-/// byte-order mark. Throws `Failure` if it cannot be read.
+/// byte-order mark. Of a line longer than `kLongestLine` it gets as much and some more, so that a
+/// binary file without lines fills no memory. Throws `Failure` if it cannot be read.
 void read_lines(const std::filesystem::path& file,
                 const std::function<void(std::string_view, std::size_t)>& on_line);
 

@@ -222,6 +222,8 @@ class Follow {
       ++f.refused[std::string{reason_name(*verdict.refused)}];
       f.refusals.push_back({t, m.anchor_b, *verdict.refused});
     }
+    // A row told twice says nothing of its anchor.
+    if (verdict.refused == Error::TimeNotIncreasing) return;
     if (verdict.used || verdict.refused) {
       tally(m.anchor_b, verdict.used.has_value());
       if (m.is_difference) tally(m.anchor_a, verdict.used.has_value());

@@ -175,6 +175,10 @@ Trajectory read_trajectory(const std::filesystem::path& file, Problems& problems
     std::size_t count = 0;
     std::size_t place = 0;
     const auto is_space = [](char c) { return c == ' ' || c == '\t'; };
+    if (line.size() > kLongestLine) {
+      problems.malformed(file, number, 1, "the line exceeds 64 KiB");
+      return;
+    }
     while (true) {
       while (place < line.size() && is_space(line[place])) ++place;
       if (place == line.size() || (count == 0 && line[place] == '#')) break;

@@ -6,6 +6,7 @@
 /// What a tracker remembers of a measurement.
 
 #include <cstdint>
+#include <type_traits>
 #include <variant>
 
 #include "uwbpos/filter/measurements.hpp"
@@ -47,6 +48,36 @@ struct Event {
       what;           ///< one of them
   bool used = false;  ///< by the track as it stands
 };
+
+/// Whether two events are one and the same measurement, told twice: time, what it is of and every
+/// number. O(1).
+template <class S>
+[[nodiscard]] bool is_repeat(const Event<S>& a, const Event<S>& b) {
+  if (a.time != b.time) return false;
+  const auto same = [&](const auto& x) {
+    using What = std::remove_cvref_t<decltype(x)>;
+    const What* const y = std::get_if<What>(&b.what);
+    if (y == nullptr) return false;
+    if constexpr (std::is_same_v<What, ArrivalEvent<S>>) {
+      return x.value == y->value && x.variance == y->variance && x.anchor_a == y->anchor_a &&
+             x.anchor_b == y->anchor_b && x.tag == y->tag && x.is_difference == y->is_difference;
+    } else if constexpr (std::is_same_v<What, ScalarEvent<S>>) {
+      return x.kind == y->kind && x.value == y->value && x.variance == y->variance;
+    } else if constexpr (std::is_same_v<What, ImuSample<S>>) {
+      return x.gyro == y->gyro && x.accelerometer == y->accelerometer;
+    } else if constexpr (std::is_same_v<What, TimedPosition<S>>) {
+      return x.position == y->position && x.covariance == y->covariance;
+    } else {
+      return x.velocity == y->velocity && x.sigma == y->sigma;
+    }
+  };
+  if (const auto* e = std::get_if<ArrivalEvent<S>>(&a.what)) return same(*e);
+  if (const auto* e = std::get_if<ImuSample<S>>(&a.what)) return same(*e);
+  if (const auto* e = std::get_if<ScalarEvent<S>>(&a.what)) return same(*e);
+  if (const auto* e = std::get_if<TimedPosition<S>>(&a.what)) return same(*e);
+  if (const auto* e = std::get_if<TimedVelocity<S>>(&a.what)) return same(*e);
+  return false;
+}
 
 }  // namespace uwbpos
 

@@ -11,6 +11,7 @@
 /// caller gives ν (extended Kalman filter).
 
 #include "uwbpos/filter/factored_covariance.hpp"
+#include "uwbpos/model/range_set.hpp"
 
 namespace uwbpos {
 
@@ -34,14 +35,16 @@ struct KalmanFilter {
 
   /// (2) for `innovation` ν, gradient `row` with respect to the first M states, zero for all
   /// others, and a noise variance `noise`. Returns ν's own variance hᵀPh + r, for tests of
-  /// consistency. O(M·N). Errors: NotFinite; NonPositiveSigma, a variance that is not positive.
+  /// consistency. O(M·N). Errors: NotFinite; NonPositiveSigma, a variance below that of
+  /// `kSmallestSigma`.
   /// On an error nothing changes.
   template <int M>
   [[nodiscard]] Result<S> update(S innovation, const Vec<S, M>& row, S noise) {
     if (!std::isfinite(innovation) || !all_finite(row) || !std::isfinite(noise)) {
       return std::unexpected(Error::NotFinite);
     }
-    if (!(noise > S(0))) return std::unexpected(Error::NonPositiveSigma);
+    if (!(noise >= kSmallestSigma<S> * kSmallestSigma<S>))
+      return std::unexpected(Error::NonPositiveSigma);
     const ProjectedRow<S, M> projected = covariance.project(row);
     const Vec<S, N> gain = covariance.update(projected, noise);
     for (int i = 0; i < N; ++i) state[i] += gain[i] * innovation;

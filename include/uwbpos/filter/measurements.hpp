@@ -6,9 +6,12 @@
 /// What a tracker is fed. Times are integers of microseconds from any epoch: a float of seconds
 /// since start is off by milliseconds after three hours, which is centimetres.
 
+#include <cmath>
 #include <cstdint>
+#include <optional>
 
 #include "uwbpos/core/types.hpp"
+#include "uwbpos/model/range_set.hpp"
 
 namespace uwbpos {
 
@@ -44,6 +47,19 @@ struct ImuSample {
   Vec<S, 3> gyro;           ///< turn rate [rad/s]
   Vec<S, 3> accelerometer;  ///< specific force: (0, 0, +g) at rest [m/s²]
 };
+
+/// Whether units measure such numbers and bodies bear them: turns of at most 200 rad/s and forces
+/// of at most 2000 m/s² about and along each axis. NaN is neither.
+template <class S>
+[[nodiscard]] bool is_bearable(const ImuSample<S>& sample) {
+  constexpr S fastest = S(200);
+  constexpr S hardest = S(2000);
+  for (int k = 0; k < 3; ++k) {
+    if (!(std::abs(sample.gyro[k]) <= fastest)) return false;
+    if (!(std::abs(sample.accelerometer[k]) <= hardest)) return false;
+  }
+  return true;
+}
 
 /// The height of the body.
 template <class S>
@@ -92,6 +108,24 @@ struct TimedTurnRate {
   S rate;             ///< counter-clockwise [rad/s]
   S sigma = S(0.02);  ///< [rad/s]
 };
+
+/// What is wrong with a standard deviation, or nothing: Error::NotFinite; Error::NonPositiveSigma,
+/// below `kSmallestSigma`; Error::NumericOverflow, its square is none.
+template <class S>
+[[nodiscard]] std::optional<Error> check_sigma(S sigma) {
+  if (!std::isfinite(sigma)) return Error::NotFinite;
+  if (!(sigma >= kSmallestSigma<S>)) return Error::NonPositiveSigma;
+  if (!std::isfinite(sigma * sigma)) return Error::NumericOverflow;
+  return std::nullopt;
+}
+
+/// What is wrong with a value or its standard deviation, or nothing. Error::NotFinite; those of
+/// `check_sigma`.
+template <class S>
+[[nodiscard]] std::optional<Error> check_measured(S value, S sigma) {
+  if (!std::isfinite(value)) return Error::NotFinite;
+  return check_sigma(sigma);
+}
 
 }  // namespace uwbpos
 

@@ -47,12 +47,30 @@ class ReplayWindow {
     return static_cast<int>(place - events_.data());
   }
 
+  /// Whether `is_repeat(event, ·)` holds of one of its events, or of one of the last time before
+  /// the last `restart`. O(log Capacity), and one question for each event of that time.
+  template <class Same>
+  [[nodiscard]] bool holds(const Event& event, const Same& is_repeat) const {
+    const auto earlier = [](const Event& e, std::int64_t time) { return e.time < time; };
+    const Event* const end = events_.data() + size_;
+    const Event* at = std::lower_bound(events_.data(), end, event.time, earlier);
+    for (; at != end && at->time == event.time; ++at) {
+      if (is_repeat(event, *at)) return true;
+    }
+    return std::any_of(events_.end() - std::min(done_, Capacity - size_), events_.end(),
+                       [&](const Event& e) { return is_repeat(event, e); });
+  }
+  /// Whether events were dropped since the last `restart`.
+  [[nodiscard]] bool forgot() const { return forgot_; }
+
   /// Drops the oldest stride if there is no room for another event.
   void make_room() {
     if (size_ < Capacity) return;
     std::move(events_.begin() + Stride, events_.end(), events_.begin());
     std::move(snapshots_.begin() + 1, snapshots_.end(), snapshots_.begin());
     size_ -= Stride;
+    forgot_ = true;
+    done_ = 0;
   }
 
   /// Whether a snapshot is to be taken before event `i`.
@@ -63,12 +81,21 @@ class ReplayWindow {
   [[nodiscard]] Track& snapshot(int i) { return snapshots_[static_cast<std::size_t>(i / Stride)]; }
 
   /// Begins anew: what comes next is the first event.
-  void restart() { size_ = 0; }
+  void restart() {
+    int last = 0;  // how many share the last time; they move behind all others
+    while (last < size_ && (*this)[size_ - 1 - last].time == (*this)[size_ - 1].time) ++last;
+    std::move_backward(events_.begin() + (size_ - last), events_.begin() + size_, events_.end());
+    done_ = last;
+    size_ = 0;
+    forgot_ = false;
+  }
 
  private:
   std::array<Event, static_cast<std::size_t>(Capacity)> events_{};
   std::array<Track, static_cast<std::size_t>(Capacity / Stride)> snapshots_{};
   int size_ = 0;
+  int done_ = 0;  // at the end of `events_`, until they are written over
+  bool forgot_ = false;
 };
 
 }  // namespace uwbpos

@@ -31,11 +31,12 @@ class TrackKeeper {
   /// With options that are valid.
   explicit TrackKeeper(const TrackerOptions<Motion>& options) : options_{options} {}
 
-  /// Another event. Errors: TooOld, GapTooLong, ClockJump, Unreachable, OutlierRejected,
-  /// NotFinite, as `Tracker::update` has them.
+  /// Another event. Errors: TooOld, GapTooLong, ClockJump, TimeNotIncreasing, Unreachable,
+  /// OutlierRejected, NotFinite, as `Tracker::update` has them.
   [[nodiscard]] Told push(const Event<S>& event) {
     window_.make_room();
     if (const auto error = stray(event.time)) return std::unexpected(*error);
+    if (window_.holds(event, is_repeat<S>)) return std::unexpected(Error::TimeNotIncreasing);
     const int place = window_.insert(event);
     if (tracking_ && beyond_gap(head_.used_at, event.time)) tracking_ = false;
     if (!tracking_) {
@@ -92,7 +93,9 @@ class TrackKeeper {
       const std::int64_t last = window_.size() > 0 ? window_.events().back().time : head_.time;
       const std::int64_t first = window_.size() > 0 ? window_.snapshot(0).time : head_.time;
       if (beyond_gap(last, time)) error = Error::GapTooLong;
-      if (tracking_ ? time < first : beyond_gap(time, last)) error = Error::TooOld;
+      // What was used of the last time that was dropped is not known any more.
+      const bool before = time < first || (time == first && window_.forgot() && time < last);
+      if (tracking_ ? before : beyond_gap(time, last)) error = Error::TooOld;
     }
     if (!error) {
       strays_ = 0;

@@ -55,12 +55,14 @@ class Tracker {
   }
 
   /// A measurement of any kind. Errors after which nothing has changed: UnknownAnchor, UnknownTag,
-  /// NotFinite, NonPositiveSigma, NegativeRange, ImpossibleDifference, DuplicateAnchor (a
-  /// difference of an anchor to itself), InvalidCovariance, InvalidOption (the options, or a kind
-  /// that the motion has no use for). TooOld: from before what is remembered. GapTooLong: later
-  /// than `max_gap` after the last. ClockJump: the eighth in a row of either; what was known is
-  /// forgotten, the next measurements give a first fix. Unreachable, OutlierRejected: refused by
-  /// the gate. The newest costs O(N³), a late one as much once more for each measurement after it.
+  /// NotFinite, NonPositiveSigma, NumericOverflow (a sigma whose square is), NegativeRange,
+  /// ImpossibleDifference, DuplicateAnchor (a difference of an anchor to itself),
+  /// InvalidCovariance, InvalidOption (the options, or a kind that the motion has no use for).
+  /// TimeNotIncreasing: a remembered one told again, number for number. TooOld: from before what is
+  /// remembered. GapTooLong: later than `max_gap` after the last. ClockJump: the eighth in a row of
+  /// either; what was known is forgotten, the next measurements give a first fix. Unreachable,
+  /// OutlierRejected: refused by the gate. The newest costs O(N³), a late one as much once more for
+  /// each measurement after it.
   [[nodiscard]] Told update(const TimedRange<S>& m) {
     return arrival(m.time, m.tag, m.anchor, m.range, m.sigma, std::nullopt, false);
   }
@@ -68,9 +70,10 @@ class Tracker {
   [[nodiscard]] Told update(const TimedDifference<S>& m) {
     return arrival(m.time, m.tag, m.anchor_b, m.difference, m.sigma, m.anchor_a, m.shared);
   }
-  /// A sample of an inertial unit.
+  /// A sample of an inertial unit. Unreachable: not `is_bearable`.
   [[nodiscard]] Told update(const ImuSample<S>& m) {
     if (!all_finite(m.gyro) || !all_finite(m.accelerometer)) return refuse(Error::NotFinite);
+    if (!is_bearable(m)) return refuse(Error::Unreachable);
     return push({m.time, m});
   }
   /// A height; of a motion in space.
@@ -97,13 +100,15 @@ class Tracker {
     if (!all_finite(part)) return refuse(Error::NotFinite);
     const auto factored = FactoredCovariance<S, kDimension>::from_matrix(covariance);
     if (!factored) return refuse(factored.error());
+    const S thinnest = std::sqrt(factored->diagonal().minCoeff());
+    if (const auto error = check_sigma(thinnest)) return refuse(*error);
     return push({m.time, m});
   }
   /// A velocity.
   [[nodiscard]] Told update(const TimedVelocity<S>& m) {
     const Vec<S, kDimension> part = m.velocity.template head<kDimension>();
-    if (!all_finite(part) || !std::isfinite(m.sigma)) return refuse(Error::NotFinite);
-    if (!(m.sigma >= kSmallestSigma<S>)) return refuse(Error::NonPositiveSigma);
+    if (!all_finite(part)) return refuse(Error::NotFinite);
+    if (const auto error = check_sigma(m.sigma)) return refuse(*error);
     return push({m.time, m});
   }
 
@@ -162,8 +167,7 @@ class Tracker {
 
   [[nodiscard]] Told arrival(std::int64_t time, std::uint32_t tag, std::uint32_t to, S value,
                              S sigma, std::optional<std::uint32_t> from, bool shared) {
-    if (!std::isfinite(value) || !std::isfinite(sigma)) return refuse(Error::NotFinite);
-    if (!(sigma >= kSmallestSigma<S>)) return refuse(Error::NonPositiveSigma);
+    if (const auto error = check_measured(value, sigma)) return refuse(*error);
     const Result<Vec<S, 3>> b = anchors_.find(to);
     const Result<Vec<S, 3>> a = from ? anchors_.find(*from) : b;
     if (!a || !b) return refuse(Error::UnknownAnchor);
@@ -183,10 +187,11 @@ class Tracker {
     event.shared = shared;
     const bool tracked = keeper_.tracking();
     const Told told = push({time, event});
-    if (tracked) {
-      const bool used = told && told->event == TrackEvent::Used;
-      if (used || !told) heard_.count(to, used);
-      if (from && (used || !told)) heard_.count(*from, used);
+    const bool used = told && told->event == TrackEvent::Used;
+    const bool refused = !told && told.error() != Error::TimeNotIncreasing;
+    if (tracked && (used || refused)) {
+      heard_.count(to, used);
+      if (from) heard_.count(*from, used);
     }
     return told;
   }
@@ -194,8 +199,7 @@ class Tracker {
   [[nodiscard]] Told scalar(std::int64_t time, typename ScalarEvent<S>::Kind kind, S value, S sigma,
                             bool has_use) {
     if (!has_use) return refuse(Error::InvalidOption);
-    if (!std::isfinite(value) || !std::isfinite(sigma)) return refuse(Error::NotFinite);
-    if (!(sigma >= kSmallestSigma<S>)) return refuse(Error::NonPositiveSigma);
+    if (const auto error = check_measured(value, sigma)) return refuse(*error);
     return push({time, ScalarEvent<S>{kind, value, sigma * sigma}});
   }
 
