@@ -12,8 +12,7 @@
 /// if (const auto robot = tracker.pose()) steer(robot->pose);
 /// \endcode
 ///
-/// It knows anchors and tags by their ids, checks what it is fed, counts what becomes of it, and
-/// leaves the rest to filter/track_keeper.hpp.
+/// It knows anchors and tags by ids and checks what it is fed; the rest is track_keeper.hpp's.
 
 #include <cmath>
 #include <optional>
