@@ -371,7 +371,8 @@ TEST_CASE_TEMPLATE("hard use: sigmas huge and tiny leave a sound track or a name
                    double) {
   const double huge[] = {1e3, 1e6, 1e12, 1e18, 1e25, 1e37, 1e100, 1e160, 1e300};
   for (const double large : huge) {
-    const S sigma = static_cast<S>(std::min(large, double{std::numeric_limits<S>::max()}));
+    const S sigma =
+        static_cast<S>(std::min(large, static_cast<double>(std::numeric_limits<S>::max())));
     CAPTURE(sigma);
     Point<S> tracker = tracking<S>(5);
     const Vec<S, 3> before = tracker.pose()->position;
