@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -276,6 +277,36 @@ TEST_CASE_TEMPLATE("hard use: an anchor that becomes two metres long is refused,
   }
 }
 
+TEST_CASE_TEMPLATE("hard use: an anchor that lies in the first fix is outvoted in the end", S,
+                   float, double) {
+  int runs = 0;
+  int misled = 0;
+  double longest = 0;
+  for (int k = 0; k < 200; ++k) {
+    for (std::uint32_t liar = 0; liar < 3; ++liar) {
+      sim::Random random{"first fix " + std::to_string(k)};
+      const test::Course course{0.1 * k};
+      Point<S> tracker = point<S>();
+      double until = 0;
+      for (std::int64_t time = 0; time < 20'000'000; time += test::kSlot) {
+        const auto id = static_cast<std::uint32_t>(time / test::kSlot) % test::kHallAnchors;
+        const Vec<double, 3> place = course.position(1e-6 * static_cast<double>(time));
+        double range = test::hall_range(id, place) + random.normal(0, kSigma);
+        if (id == liar) range += 2;
+        static_cast<void>(tracker.update(TimedRange<S>{time, id, static_cast<S>(range)}));
+        if (error_at(tracker, place) > 1) until = 1e-6 * static_cast<double>(time);
+      }
+      ++runs;
+      misled += until > 1 ? 1 : 0;
+      longest = std::max(longest, until);
+    }
+  }
+  MESSAGE(misled << " of " << runs << " starts misled for more than a second, the worst for "
+                 << longest << " s");
+  CHECK(misled < runs / 5);
+  CHECK(longest < 18);
+}
+
 TEST_CASE_TEMPLATE("hard use: out of coverage the track is lost, and begins anew behind it", S,
                    float, double) {
   Point<S> tracker = tracking<S>(10);
@@ -371,7 +402,8 @@ TEST_CASE_TEMPLATE("hard use: sigmas huge and tiny leave a sound track or a name
                    double) {
   const double huge[] = {1e3, 1e6, 1e12, 1e18, 1e25, 1e37, 1e100, 1e160, 1e300};
   for (const double large : huge) {
-    const S sigma = static_cast<S>(std::min(large, double{std::numeric_limits<S>::max()}));
+    const S sigma =
+        static_cast<S>(std::min(large, static_cast<double>(std::numeric_limits<S>::max())));
     CAPTURE(sigma);
     Point<S> tracker = tracking<S>(5);
     const Vec<S, 3> before = tracker.pose()->position;

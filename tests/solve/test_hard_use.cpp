@@ -48,7 +48,8 @@ void check_sigmas(const std::vector<Vec<S, D>>& anchors, const Vec<S, D>& tag) {
   REQUIRE(unit);
   for (const double size :
        {1.001e-9, 1e-7, 1e-5, 1e-3, 1e3, 1e6, 1e9, 1e12, 1e15, 1e18, 1e21, 1e30, 1e37, 1e300}) {
-    const S sigma = static_cast<S>(std::min(size, double{std::numeric_limits<S>::max()}));
+    const S sigma =
+        static_cast<S>(std::min(size, static_cast<double>(std::numeric_limits<S>::max())));
     CAPTURE(sigma);
     const auto fix = locate(test::ranges_between<S, D>(tag, anchors, sigma));
     if (size <= (sizeof(S) == 4 ? 1e9 : 1e37)) REQUIRE(fix);
@@ -60,8 +61,9 @@ void check_sigmas(const std::vector<Vec<S, D>>& anchors, const Vec<S, D>& tag) {
     CHECK(sound(*fix));
     CHECK(static_cast<double>((fix->position - tag).norm()) < 10 * test::exactness<S>());
     for (int k = 0; k < D; ++k) {
-      CHECK(std::sqrt(fix->covariance(k, k)) / sigma ==
-            doctest::Approx(std::sqrt(unit->covariance(k, k))).epsilon(1e-2));
+      const auto scaled = static_cast<double>(std::sqrt(fix->covariance(k, k)) / sigma);
+      const auto plain = static_cast<double>(std::sqrt(unit->covariance(k, k)));
+      CHECK(scaled == doctest::Approx(plain).epsilon(1e-2));
     }
   }
 }
