@@ -101,7 +101,7 @@ struct LogCounts {
   std::size_t rows = 0;          ///< rows seen
   std::size_t no_reading = 0;    ///< rows whose reading is an empty cell
   std::size_t out_of_order = 0;  ///< rows later in the file than the reordering window allows
-  std::vector<ClockReset> clock_resets = {};
+  std::vector<ClockReset> clock_resets;
 };
 
 /// How far below an earlier row's time a row's may be before that is worth a remark [s].

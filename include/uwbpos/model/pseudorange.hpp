@@ -51,7 +51,9 @@ struct PseudorangeEntry {
   S sigma;                  ///< standard deviation [m]
 
   /// A copy.
-  operator RangeTo<S, D>() const { return {anchor, range, sigma}; }
+  operator RangeTo<S, D>() const {  // NOLINT(google-explicit-constructor): it is one
+    return {anchor, range, sigma};
+  }
 };
 
 /// Differences against a shared reference, read as pseudoranges. Refers to the caller's data.
