@@ -192,8 +192,9 @@ TEST_CASE("What keeps a recording from poses, or from fitting them, is said") {
   };
   const Points right = site.tags;
   CHECK(pose_remarks(site, replay(settings, site, readings)).empty());
-  // Arms twice as long as they are.
-  for (auto& [tag, arm] : site.tags) arm.head<2>() *= 2;
+  // Two arms twice as long as they are.
+  site.tags.at(0).head<2>() *= 2;
+  site.tags.at(1).head<2>() *= 2;
   CHECK(says("0.60 m apart, by the tags file 1.20 m"));
   CHECK(says("times worse than their sigma"));
   // Millimetres: the longest arm would be half a kilometre.

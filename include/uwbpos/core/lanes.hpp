@@ -15,10 +15,6 @@
 
 #include "uwbpos/core/unroll.hpp"
 
-#if defined(__SSE2__)
-#include <emmintrin.h>
-#endif
-
 namespace uwbpos {
 
 /// N numbers, or pairs of numbers, that plain integers index.
@@ -62,7 +58,11 @@ struct PairOf<double> {
 };
 /// The roots of both.
 [[nodiscard, gnu::always_inline]] inline PairOf<double>::Type square_root(PairOf<double>::Type x) {
-  return _mm_sqrt_pd(x);
+#if __has_builtin(__builtin_elementwise_sqrt)
+  return __builtin_elementwise_sqrt(x);
+#else
+  return __builtin_ia32_sqrtpd(x);
+#endif
 }
 #endif
 
