@@ -43,7 +43,7 @@ EpochRule epoch_rule(const std::vector<Reading>& readings, std::optional<double>
     if (!fresh && reading.t > link->second) gaps.push_back(reading.t - link->second);
     link->second = reading.t;
   }
-  if (2 * with_neighbour > readings.size()) return {0, 0};
+  if (2 * with_neighbour >= readings.size()) return {0, 0};
   if (gaps.empty()) return {kFallbackWindow, kFallbackWindow};
   const double period = quantile(std::move(gaps), 0.75);
   return {0.75 * period, 0.5 * period};

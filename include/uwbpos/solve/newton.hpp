@@ -119,6 +119,7 @@ template <class S, int N, class Evaluate>
   S allowed = kNever;    // χ² of a step that helps
   S spread = S(0);       // of the state, by `factor`
   S change = kNever;     // of H, at most, by the step to `trial`, where that is H's
+  S last_length = S(0);  // of the step to `trial`, squared
   bool stepped = false;  // `trial` is new
   bool certain = false;  // and the step to it negligible
   Curvature curvature = Curvature::Full;
@@ -127,6 +128,7 @@ template <class S, int N, class Evaluate>
     allowed = kNever;
     stepped = false;
     certain = false;
+    last_length = S(0);
     change = kNever;
     curvature = other;
   };
@@ -168,7 +170,10 @@ template <class S, int N, class Evaluate>
     const S share = spread * normal.third;
     const bool settled = last && spread * change * change * length <= enough &&
                          share * share * length <= kSameMatrix;
-    if (curvature == Curvature::Information && (short_step || settled || certain)) {
+    // Steps get shorter; one that does not, where J hardly holds a direction, is none.
+    const bool shorter = length <= last_length;
+    if (curvature == Curvature::Information && (((short_step || settled) && shorter) || certain)) {
+      if (!shorter) return Minimum<S, N>{state, normal.matrix, normal.chi_squared};
       return Minimum<S, N>{state + step, normal.matrix, std::max(normal.chi_squared - gain, S(0))};
     }
     if (last) {
@@ -188,6 +193,7 @@ template <class S, int N, class Evaluate>
       near = near || S(0.25) * spread * next * next * length <= kHopeful * enough;
     }
     trial = state + step;
+    last_length = length;
     stepped = true;
     curvature = near ? Curvature::Information : Curvature::Full;
   }

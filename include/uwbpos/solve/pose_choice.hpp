@@ -25,20 +25,30 @@ inline constexpr int kPoseDoubtSigmas = 3;  ///< where it begins to widen
 
 namespace detail {
 
-/// Whether two minima are in different places, three standard deviations of the place apart.
+/// Which of two minima the caller's knowledge may tell apart: by `prior` if they are in different
+/// places, by `side` if they are on different sides, by three standard deviations.
 template <class S, int D>
-bool are_apart(const Minimum<S, D + 1>& first, const Minimum<S, D + 1>& second) {
+LocateOptions<S, D> telling(const PoseOptions<S, D>& options, const Minimum<S, D + 1>& first,
+                            const Minimum<S, D + 1>& second) {
+  LocateOptions<S, D> told{options.side, options.prior};
   const Ldlt<S, D + 1> factor{first.information};
-  if (!factor.positive_definite()) return true;
+  if (!factor.positive_definite()) return told;
   const Mat<S, D + 1> covariance = factor.inverse();
-  S variance = S(0);
   S square = S(0);
+  S variance = S(0);
+  S along = S(0);
+  S variance_along = S(0);
   for (int k = 0; k < D; ++k) {
     const S d = first.state[k] - second.state[k];
     square += d * d;
     variance += covariance(k, k);
+    along += d * options.side[k];
+    for (int j = 0; j < D; ++j)
+      variance_along += options.side[k] * covariance(k, j) * options.side[j];
   }
-  return square > S(9) * variance;
+  if (!(square > S(9) * variance)) told.prior.reset();
+  if (!(along * along > S(9) * variance_along)) told.side.setZero();
+  return told;
 }
 
 /// The minimum to answer.
@@ -54,16 +64,22 @@ Result<Minimum<S, D + 1>> lowest_minimum(const PoseProblem<S, D>& problem,
   if (linear && !(guess && options.heading->variance < linear->variance)) guess = linear->heading;
   if (guess) descend_at<S, D>(problem, *guess, minima);
 
-  // A heading whose least χ² is so far above the lowest met holds no pose to be answered.
+  // A heading whose least χ² is so far above the lowest met holds no pose to be answered, as long
+  // as the linear system knows what it says.
+  constexpr S kSure = S(1) / 16;  // 60° are four standard deviations
+  const bool knows = !linear || linear->variance <= kSure;
   const bool by_squares = problem.robust.loss == Loss::Squares;
   const auto ruled_out = [&](int k) {
     constexpr S kNeeded = S(30);
-    return by_squares && minima.best &&
-           rules_out(minima.best->chi_squared, least_chi_squared(problem, linear, k), freedom,
-                     kNeeded, rounding);
+    return by_squares && knows && minima.count() > 0 &&
+           rules_out(minima[0].chi_squared, least_chi_squared(problem, linear, k), freedom, kNeeded,
+                     rounding);
   };
   bool sure = problem.heading.pinned;
-  if (!sure && guess) {
+  const bool guessed = guess && (linear && linear->heading == *guess
+                                     ? knows
+                                     : options.heading && options.heading->variance <= kSure);
+  if (!sure && guessed && minima.count() > 0) {
     // Headings within 60° of the guess are taken to lie in its basin.
     constexpr S kNear = S(0.5);
     const Turn<S> at = turn_of(*guess);
@@ -77,28 +93,29 @@ Result<Minimum<S, D + 1>> lowest_minimum(const PoseProblem<S, D>& problem,
   for (int k = 0; k < kPoseHeadings && !sure; ++k) {
     if (!ruled_out(k)) descend_at<S, D>(problem, pose_heading<S>(k), minima);
   }
-  if (!minima.best || !minima.other) return minima.best;
+  if (minima.count() == 0) return std::unexpected(minima.error());
 
-  // Beside each other on the circle, relative to the anchors' centre, the images are compared.
-  const S circle = S(2) * std::numbers::pi_v<S> * problem.arm;
-  const S apart = std::remainder(minima.other->state[D] - minima.best->state[D], circle);
-  minima.other->state[D] = minima.best->state[D] + apart;
-  LocateOptions<S, D> relative;
-  if (are_apart<S, D>(*minima.best, *minima.other)) {
-    relative = {options.side, options.prior};
-    if (relative.prior) *relative.prior -= problem.center;
-  }
   // Outliers make a robust loss great, whichever pose is right.
-  const S cost = std::min(minima.best->chi_squared, S(1e6));
-  const int expected = by_squares ? freedom : std::max(freedom, static_cast<int>(cost) + 1);
-  const Result<Minimum<S, D + 1>> settled = settle_images<S, D, D + 1>(
-      minima.best, minima.other, relative, expected, problem.largest, rounding);
+  const S lowest = minima[0].chi_squared;
+  const int expected =
+      by_squares ? freedom : std::max(freedom, static_cast<int>(std::min(lowest, S(1e6))) + 1);
+  const S circle = S(2) * std::numbers::pi_v<S> * problem.arm;
+  Result<Minimum<S, D + 1>> answer = minima[0];
+  for (int i = 1; i < minima.count() && answer; ++i) {
+    constexpr S kNeeded = S(25);  // as of settle_images
+    if (rules_out(lowest, minima[i].chi_squared, expected, kNeeded, rounding)) break;
+    // Beside each other on the circle, relative to the anchors' centre, the images are compared.
+    Minimum<S, D + 1> other = minima[i];
+    other.state[D] = answer->state[D] + std::remainder(other.state[D] - answer->state[D], circle);
+    LocateOptions<S, D> relative = telling<S, D>(options, *answer, other);
+    if (relative.prior) *relative.prior -= problem.center;
+    answer =
+        settle_images<S, D, D + 1>(answer, other, relative, expected, problem.largest, rounding);
+  }
   // Between poses that miss by tens of sigmas there is nothing to choose.
   const S hopeless = S(100) * chi_squared_gate(std::max(freedom, 1), static_cast<S>(kPoseSigmas));
-  if (!settled && minima.best->chi_squared > hopeless + rounding) {
-    return std::unexpected(Error::InconsistentRanges);
-  }
-  return settled;
+  if (!answer && lowest > hopeless + rounding) return std::unexpected(Error::InconsistentRanges);
+  return answer;
 }
 
 }  // namespace detail

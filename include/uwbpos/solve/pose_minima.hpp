@@ -20,32 +20,55 @@ namespace uwbpos::detail {
 
 inline constexpr int kPoseIterations = 50;
 
-/// The lowest minimum met, and the lowest of the others: those four standard deviations away or
-/// more. Nearer ones, as beside an anchor, the covariance covers.
+/// The lowest minima met, each four standard deviations away from the others or more: nearer ones,
+/// as beside an anchor, the covariance covers. Anchors in a line leave a pose four, mirrored and
+/// turned.
 template <class S, int D>
-struct PoseMinima {
-  Result<Minimum<S, D + 1>> best = std::unexpected(Error::DegenerateGeometry);
-  Result<Minimum<S, D + 1>> other = std::unexpected(Error::DegenerateGeometry);
-
+class PoseMinima {
+ public:
+  /// Takes a minimum among the lowest, where it belongs.
   void take(const PoseProblem<S, D>& problem, const Minimum<S, D + 1>& found) {
     const S circle = S(2) * std::numbers::pi_v<S> * problem.arm;
-    const auto same = [&](const Result<Minimum<S, D + 1>>& kept) {
-      if (!kept) return false;
-      Vec<S, D + 1> apart = found.state - kept->state;
+    const auto same = [&](const Minimum<S, D + 1>& kept) {
+      Vec<S, D + 1> apart = found.state - kept.state;
       apart[D] = std::remainder(apart[D], circle);
       const S near = S(1e-3) * problem.largest;
       if (squared_norm(apart) <= near * near) return true;
-      const Vec<S, D + 1> scaled = symmetric_from_lower(kept->information) * apart;
+      const Vec<S, D + 1> scaled = symmetric_from_lower(kept.information) * apart;
       return dot(apart, scaled) < S(16);
     };
-    if (!best || found.chi_squared < best->chi_squared) {
-      if (!same(best)) other = best;
-      if (same(other)) other = std::unexpected(Error::DegenerateGeometry);
-      best = found;
-    } else if (!same(best) && (!other || found.chi_squared < other->chi_squared)) {
-      other = found;
+    // Those that stay: the lower ones, then `found`, then those higher that it is not.
+    int at = 0;
+    while (at < count_ && !(found.chi_squared < kept_[at].chi_squared)) {
+      if (same(kept_[at])) return;
+      ++at;
     }
+    Minimum<S, D + 1> next = found;
+    int end = at;
+    for (int i = at; i < count_; ++i) {
+      if (same(kept_[i])) continue;
+      std::swap(next, kept_[i]);
+      if (end != i) kept_[end] = kept_[i];
+      ++end;
+    }
+    if (end < kMost) kept_[end++] = next;
+    count_ = end;
   }
+  /// Notes why a descent found none.
+  void note(Error error) { error_ = error; }
+
+  /// How many there are.
+  [[nodiscard]] int count() const { return count_; }
+  /// Number i, the lowest first.
+  [[nodiscard]] const Minimum<S, D + 1>& operator[](int i) const { return kept_[i]; }
+  /// Why there is none.
+  [[nodiscard]] Error error() const { return error_; }
+
+ private:
+  static constexpr int kMost = 4;
+  Minimum<S, D + 1> kept_[kMost];
+  int count_ = 0;
+  Error error_ = Error::DegenerateGeometry;
 };
 
 /// Descends from the root or roots that a heading leaves. Errors of roots and descents stay in
@@ -60,7 +83,7 @@ void descend_at(const PoseProblem<S, D>& problem, S heading, PoseMinima<S, D>& m
   }
   const Result<ToaRoots<S, D>> roots = toa_roots<S, D>(RangeSpan<S, D>{storage.data(), n});
   if (!roots) {
-    if (!minima.best) minima.best = std::unexpected(roots.error());
+    minima.note(roots.error());
     return;
   }
   const S rounding = S(4) * std::numeric_limits<S>::epsilon() * problem.largest;
@@ -79,8 +102,8 @@ void descend_at(const PoseProblem<S, D>& problem, S heading, PoseMinima<S, D>& m
         minimise<S, D + 1>(evaluate, state, rounding, kPoseIterations);
     if (found) {
       minima.take(problem, *found);
-    } else if (!minima.best) {
-      minima.best = found;
+    } else {
+      minima.note(found.error());
     }
   };
   const S up = roots->direction[D - 1];
