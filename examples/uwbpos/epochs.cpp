@@ -32,13 +32,17 @@ void close(Placed& closed, Epoch& open, std::size_t first) {
 EpochRule epoch_rule(const std::vector<Reading>& readings, std::optional<double> window) {
   if (window) return {*window, std::numeric_limits<double>::infinity()};
   std::map<std::pair<Id, Id>, double> last;
-  std::map<Id, double> last_of_tag;
+  std::map<Id, std::pair<double, Id>> last_of_tag;  // when, and of which anchor
   std::vector<double> gaps;
   std::size_t with_neighbour = 0;
   for (const Reading& reading : readings) {
-    const auto [tag, first_of_tag] = last_of_tag.try_emplace(reading.tag, reading.t);
-    if (!first_of_tag && reading.t == tag->second) ++with_neighbour;
-    tag->second = reading.t;
+    const std::pair<double, Id> at{reading.t, reading.anchor};
+    const auto [tag, first_of_tag] = last_of_tag.try_emplace(reading.tag, at);
+    // A row that is there twice is no neighbour of itself.
+    if (!first_of_tag && reading.t == tag->second.first && reading.anchor != tag->second.second) {
+      ++with_neighbour;
+    }
+    tag->second = at;
     const auto [link, fresh] = last.try_emplace({reading.tag, reading.anchor}, reading.t);
     if (!fresh && reading.t > link->second) gaps.push_back(reading.t - link->second);
     link->second = reading.t;

@@ -253,11 +253,14 @@ double harmed_rmse(const Files& files, std::vector<std::string> words, const cha
   CHECK(filter.at("guilty_anchors") == (harm == Harm::kLiar ? liar : Json::array()));
   if (harm == Harm::kSilence || harm == Harm::kClockReset) {
     REQUIRE(filter.at("interruptions").size() >= 1);
-    const Json& what = filter.at("interruptions").at(0);
-    CHECK(what.at("cause").get<std::string>().find(harm == Harm::kSilence ? "nothing was received"
-                                                                          : "clock was set back") !=
-          std::string::npos);
-    CHECK(what.at("without_s").get<double>() >= (harm == Harm::kSilence ? 2.9 : 0.0));
+    const char* const cause =
+        harm == Harm::kSilence ? "nothing was received" : "clock was set back";
+    const double without = harm == Harm::kSilence ? 2.9 : 0.0;
+    const auto& told = filter.at("interruptions");
+    CHECK(std::any_of(told.begin(), told.end(), [&](const Json& what) {
+      return what.at("cause").get<std::string>().find(cause) != std::string::npos &&
+             what.at("without_s").get<double>() >= without;
+    }));
     CHECK(filter.at("slowest_recovery_s").get<double>() < 4);
     CHECK(files.read("harmed/report.html").find("Interruptions and recovery") != std::string::npos);
   }

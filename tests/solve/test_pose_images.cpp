@@ -184,4 +184,84 @@ TEST_CASE_TEMPLATE("the linear system's χ² of a heading is a lower bound of an
   CHECK(compared > 300);
 }
 
+TEST_CASE_TEMPLATE("anchors in a line, or nearly: a pose far off is never answered", S, float,
+                   double) {
+  // Exactly in a line, the body near it: J holds nothing across.
+  std::vector<TagRange<S, 2>> line{{{0, S(0.5)}, {0, 0}, S(6.148), S(0.02)},
+                                   {{0, S(0.5)}, {10, 0}, S(3.777), S(0.02)},
+                                   {{0, S(-0.5)}, {0, 0}, S(5.249), S(0.02)},
+                                   {{0, S(-0.5)}, {10, 0}, S(4.798), S(0.02)}};
+  CHECK_FALSE(pose_from_ranges(line));
+  const auto near = solve_pose(line, {.prior = Vec<S, 2>{S(5.689), S(0.284)}});
+  if (near) CHECK((near->pose.position - Vec<S, 2>{S(5.7), 0}).norm() < S(0.5));
+
+  // Three metres from a line: the linear system's heading is off by a radian and more.
+  const auto bent = [] {
+    std::vector<TagRange<S, 2>> ranges;
+    const std::vector<Vec<S, 2>> arms{{S(-0.439384191), S(0.740413586)},
+                                      {S(0.559027347), S(-0.222422491)}};
+    const std::vector<Vec<S, 2>> anchors{{S(7.07994205), S(1.16930299)},
+                                         {S(5.78755225), S(7.39421538)},
+                                         {S(4.72899063), S(11.8928113)}};
+    const std::vector<double> values{5.50000393, 8.45113813, 12.3490779,
+                                     5.38322149, 7.25114233, 10.9968255};
+    for (const auto& arm : arms) {
+      for (const auto& anchor : anchors) {
+        ranges.push_back({arm, anchor, S(values[ranges.size()]), S(0.02)});
+      }
+    }
+    return ranges;
+  }();
+  const auto pose = solve_pose(bent);
+  if (pose) CHECK((pose->pose.position - Vec<S, 2>{S(12.339), S(3.125)}).norm() < S(0.1));
+  CHECK((pose || pose.error() == Error::AmbiguousSolution));
+
+  // Four minima: the prior tells the mirrored from each other, not the turned.
+  std::vector<TagRange<S, 2>> four;
+  const std::vector<double> lengths{7.65044111, 6.85247027, 7.74079846, 6.94500739};
+  for (const Vec<S, 2>& arm :
+       {Vec<S, 2>{S(-0.503303337), S(-0.253656409)}, Vec<S, 2>{S(-0.338275881), S(-0.193110799)}}) {
+    for (const Vec<S, 2>& anchor :
+         {Vec<S, 2>{S(12.2232614), S(9.05219753)}, Vec<S, 2>{S(11.8368757), S(8.21968624)}}) {
+      four.push_back({arm, anchor, S(lengths[four.size()]), S(0.02)});
+    }
+  }
+  const auto told = solve_pose(four, {.prior = Vec<S, 2>{S(6.110), S(3.978)}});
+  if (told) CHECK(std::abs(angle_difference(told->pose.heading, S(-1.932))) < S(1));
+}
+
+TEST_CASE(
+    "three anchors nearly in a line, exact to a centimetre: no wrong pose, hardly one refused") {
+  sim::Random random{"nearly a line"};
+  for (const double off : {0.05, 0.2, 1.0}) {
+    CAPTURE(off);
+    const std::vector<Vec<double, 2>> anchors{{0, 0}, {5, off}, {10, 0}};
+    int wrong = 0;
+    int refused = 0;
+    constexpr int kTrials = 4000;
+    for (int trial = 0; trial < kTrials; ++trial) {
+      const Vec<double, 2> at{random.uniform(0, 10), random.uniform(1, 8)};
+      const double heading = random.uniform(-3, 3);
+      std::vector<TagRange<double, 2>> ranges;
+      for (const double side : {0.5, -0.5}) {
+        const Vec<double, 2> arm{0, side};
+        const Vec<double, 2> tag = at + turned<double, 2>(turn_of(heading), arm);
+        for (const auto& anchor : anchors) {
+          ranges.push_back({arm, anchor, (tag - anchor).norm() + random.normal(0, 0.01), 0.01});
+        }
+      }
+      const auto pose = pose_from_ranges(ranges);
+      if (!pose) {
+        ++refused;
+        continue;
+      }
+      if (!((pose->position - at).norm() < 0.5)) ++wrong;
+    }
+    MESSAGE("middle off the line by " << off << " m: " << wrong << " wrong, " << refused
+                                      << " refused of " << kTrials);
+    CHECK(wrong == 0);
+    CHECK(refused <= (off < 0.1 ? kTrials / 10 : kTrials / 1000));
+  }
+}
+
 }  // namespace tests::solve_pose_images
