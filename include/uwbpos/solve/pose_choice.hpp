@@ -26,7 +26,7 @@ inline constexpr int kPoseDoubtSigmas = 3;  ///< where it begins to widen
 namespace detail {
 
 /// Which of two minima the caller's knowledge may tell apart: by `prior` if they are in different
-/// places, by `side` if they are on different sides, by three standard deviations.
+/// places, by `side` if they are on different sides, by six standard deviations: each has an error.
 template <class S, int D>
 LocateOptions<S, D> telling(const PoseOptions<S, D>& options, const Minimum<S, D + 1>& first,
                             const Minimum<S, D + 1>& second) {
@@ -46,8 +46,8 @@ LocateOptions<S, D> telling(const PoseOptions<S, D>& options, const Minimum<S, D
     for (int j = 0; j < D; ++j)
       variance_along += options.side[k] * covariance(k, j) * options.side[j];
   }
-  if (!(square > S(9) * variance)) told.prior.reset();
-  if (!(along * along > S(9) * variance_along)) told.side.setZero();
+  if (!(square > S(36) * variance)) told.prior.reset();
+  if (!(along * along > S(36) * variance_along)) told.side.setZero();
   return told;
 }
 
