@@ -527,11 +527,16 @@ Figure distribution_figure(const Replay& replay) {
          error, error, 100 * share, ink(Ink::kMark));
     line(script, "set arrow {} from 0,{:.1f} to {:.5f},{:.1f} nohead lc {} lw 1 dt (4,3)",
          arrow + 1, 100 * share, error, 100 * share, ink(Ink::kMark));
-    // Side by side where the marks are close: 90 % above, 95 % below would collide.
-    const double height = share < 0.6 ? 46 : share < 0.92 ? 74 : 84;
-    line(script, "set label {} '{:.0f} %: {}' at {:.5f},{:.1f} offset 0.8,0 left tc {}", arrow,
-         100 * share, label_metres(error), quantile_of_sorted(ascending, share < 0.6 ? 0.5 : 0.95),
-         height, ink(Ink::kText));
+    // Side by side where the marks are close: 90 % above, 95 % below would collide. Where they
+    // leave no room to the right, under the curve.
+    const bool middle = share < 0.6;
+    const double at = quantile_of_sorted(ascending, middle ? 0.5 : 0.95);
+    const bool narrow = at > 0.75 * limit;
+    const double height =
+        middle ? (narrow ? 36 : 46) : (share < 0.92 ? 74 : 84) - (narrow ? 62 : 0);
+    line(script, "set label {} '{:.0f} %: {}' at {:.5f},{:.1f} offset {} tc {}", arrow, 100 * share,
+         label_metres(error), narrow && !middle ? quantile_of_sorted(ascending, 0.9) : at, height,
+         narrow ? "-0.8,0 right" : "0.8,0 left", ink(Ink::kText));
     arrow += 2;
   }
   line(script, "plot $share with lines lc {} lw 2, $marks with points pt 7 ps 0.7 lc {}",
