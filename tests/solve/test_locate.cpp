@@ -165,6 +165,21 @@ TEST_CASE_TEMPLATE("locate: a tag in the anchors' plane is found, with its heigh
   CHECK(sum / 2000 < 5);
 }
 
+TEST_CASE_TEMPLATE("locate: below a ceiling χ² is that of the ranges alone", S, float, double) {
+  sim::Random random{"residuals below a ceiling"};
+  const std::vector<Vec<S, 3>> ceiling{{0, 0, 3}, {10, 0, 3}, {10, 8, 3}, {0, 8, 3}, {5, 4, 3}};
+  for (const double depth : {0.0, 0.05, 0.3, 2.0}) {
+    CAPTURE(depth);
+    const Vec<S, 3> tag{3, 2, S(3 - depth)};
+    for (int trial = 0; trial < 50; ++trial) {
+      const auto ranges = test::noisy<S, 3>(random, test::ranges_between<S, 3>(tag, ceiling));
+      const auto fix = locate(ranges, {.side = Vec<S, 3>{0, 0, -1}});
+      REQUIRE(fix);
+      CHECK(fix->chi_squared == chi_squared<S, 3>(as_range_span(ranges), fix->position));
+    }
+  }
+}
+
 TEST_CASE_TEMPLATE("locate: a ceiling a little uneven is no trap", S, float, double) {
   // Heights scattered by 2 cm: the ranges hardly tell the images apart; the side does.
   sim::Random random{"uneven ceiling"};

@@ -91,6 +91,9 @@ Result<Fix<S, D>> locate_ranges(RangeSpan<S, D> ranges, const LocateOptions<S, D
   const Result<Minimum<S, D>> found = roots->flat() ? locate_flat(ranges, *roots, options)
                                                     : locate_spanned(ranges, *roots, options);
   if (!found) return std::unexpected(found.error());
+  // The descent's χ² has what is known of the height of flat anchors in it.
+  if (roots->flat())
+    return make_fix<S, D>(ranges, roots->center + found->state, found->information);
   return make_fix<S, D>(ranges.size(), roots->center + found->state, found->information,
                         found->chi_squared);
 }
