@@ -16,6 +16,7 @@
 
 #include "uwbpos/core/lanes.hpp"
 #include "uwbpos/model/pseudorange.hpp"
+#include "uwbpos/model/range_terms.hpp"
 #include "uwbpos/solve/newton.hpp"
 
 namespace uwbpos {
@@ -54,7 +55,6 @@ template <class S, int D, PseudorangeView<S, D> V>
   const S beyond = near - first_residual;
   const S bending = curvature == Curvature::Full ? S(1) : S(0);
 
-  constexpr S kNowhere = S(1e-24);  // [m²], so that a position at an anchor divides by something
   constexpr int kMean = D * (D + 1) / 2;  // Σ w g', after Σ w g' g'ᵀ + Σ b g gᵀ with b = w e / r
   constexpr int kPull = kMean + D;        // Σ w e' g'
   constexpr int kResidual = kPull + D;    // Σ w e'
@@ -65,41 +65,24 @@ template <class S, int D, PseudorangeView<S, D> V>
   const auto sums = sum_in_lanes<S, kTurn + 1>(
       view, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
         using P = std::remove_cvref_t<decltype(one)>;
-        Numbers<P, D> g;
-        P square = P{} + kNowhere;
-        unroll<D>([&](auto k) __attribute__((always_inline)) {
-          const P anchor = take([&](const auto& r) { return r.anchor[int(k)]; });
-          g[k] = position[int(k)] - (anchor - center[int(k)]);
-          square += g[k] * g[k];
-        });
-        const P distance = square_root(square);
-        const P sigma = take([](const auto& r) { return r.sigma; });
-        const P range = take([](const auto& r) { return r.range; });
-        const P variance = sigma * sigma;
-        // One division for all: 1/(σ² r), 1/σ² and 1/r.
-        const P both = one / (variance * distance);
-        const P inverse = both * variance;
-        const P weight = both * distance;
-        const P e = ((range - mean) - distance) - first_residual;
-        const P turn = weight * inverse;
-        const P bend = bending * ((e - beyond) * turn);
+        const RangeTerms<P, D> r = range_terms<S, D>(position, center, take, one);
+        const P range = take([](const auto& taken) { return taken.range; });
+        const P e = ((range - mean) - r.distance) - first_residual;
+        const P bend = bending * ((e - beyond) * r.turn);
+        const P weighted = r.weight * e;
         Numbers<P, D> apart;
         unroll<D>([&](auto k) __attribute__((always_inline)) {
-          g[k] *= inverse;
-          apart[k] = g[k] - first.gradient[int(k)];
-        });
-        const P weighted = weight * e;
-        unroll<D>([&](auto k) __attribute__((always_inline)) {
-          sum[kMean + k] += weight * apart[k];
+          apart[k] = r.gradient[k] - first.gradient[int(k)];
+          sum[kMean + k] += r.weight * apart[k];
           sum[kPull + k] += weighted * apart[k];
         });
-        add_lower<D, 0>(sum, apart, weight);
-        add_lower<D, 0>(sum, g, bend);
+        add_lower<D, 0>(sum, apart, r.weight);
+        add_lower<D, 0>(sum, r.gradient, bend);
         sum[kResidual] += weighted;
         sum[kSquare] += weighted * e;
-        sum[kWeight] += weight;
+        sum[kWeight] += r.weight;
         sum[kBend] += bend;
-        sum[kTurn] += turn;
+        sum[kTurn] += r.turn;
       });
 
   PseudorangeProfile<S, D> profile;

@@ -20,7 +20,7 @@
 
 #include "uwbpos/core/lanes.hpp"
 #include "uwbpos/model/pseudorange.hpp"
-#include "uwbpos/solve/sum_origin.hpp"
+#include "uwbpos/solve/square_sums.hpp"
 #include "uwbpos/solve/weak_line.hpp"
 
 namespace uwbpos {
@@ -91,11 +91,7 @@ template <class S, int D, PseudorangeView<S, D> V>
 #pragma GCC unroll 4
   for (int k = 0; k < N; ++k) offset += k < D ? -(middle[k] * middle[k]) : middle[k] * middle[k];
 
-  constexpr int kMean = N * (N + 1) / 2;  // Σ w d, after Σ w d dᵀ
-  constexpr int kPull = kMean + N;        // Σ w q d
-  constexpr int kSquare = kPull + N;      // Σ w q
-  constexpr int kWeight = kSquare + 1;    // Σ w
-  const auto sums = sum_in_lanes<S, kWeight + 1>(
+  const auto sums = sum_in_lanes<S, SquareSums<N>::kCount>(
       view, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
         using P = std::remove_cvref_t<decltype(one)>;
         const P range = take([](const auto& r) { return r.range; });
@@ -114,42 +110,11 @@ template <class S, int D, PseudorangeView<S, D> V>
           const P far = range - bias;
           scale *= far > sigma ? far : sigma;
         }
-        const P w = one / (scale * scale);
-        const P wq = w * q;
-        add_lower<N, 0>(sum, d, w);
-        unroll<N>([&](auto k) __attribute__((always_inline)) {
-          sum[kMean + k] += w * d[k];
-          sum[kPull + k] += wq * d[k];
-        });
-        sum[kSquare] += wq;
-        sum[kWeight] += w;
+        add_square<N, P>(sum, d, q, one / (scale * scale));
       });
-  const S total = sums[kWeight];
-  Vec<S, N> m;
-  Vec<S, N> flipped;  // η m
-#pragma GCC unroll 4
-  for (int k = 0; k < N; ++k) {
-    m[k] = sums[kMean + k] / total;
-    flipped[k] = k < D ? m[k] : -m[k];
-  }
-  const S lambda = dot<S, N>(m, flipped) - (sums[kSquare] / total + offset);
-  Mat<S, N> normal;
-#pragma GCC unroll 4
-  for (int j = 0; j < N; ++j) {
-#pragma GCC unroll 4
-    for (int i = j; i < N; ++i) {
-      normal(i, j) = sums[lower_index<N>(i, j)] - sums[kMean + i] * m[j];
-    }
-  }
-  Vec<S, N> rhs;
-#pragma GCC unroll 4
-  for (int j = 0; j < N; ++j) {
-    S along = S(0);
-#pragma GCC unroll 4
-    for (int i = 0; i < N; ++i) along += normal(std::max(i, j), std::min(i, j)) * flipped[i];
-    rhs[j] = (sums[kPull + j] - m[j] * sums[kSquare]) / 2 - along;
-  }
-  const Result<WeakLine<S, D + 1>> line = weak_line<S, D + 1>(normal, rhs);
+  const SquareSystem<S, N> system = square_system<S, N>(sums, offset, S(-1));
+  const Vec<S, N>& m = system.mean;
+  const Result<WeakLine<S, D + 1>> line = weak_line<S, D + 1>(system.normal, system.rhs);
   if (!line) return std::unexpected(line.error());
 
   PseudorangeRoots<S, D> roots;
@@ -162,7 +127,7 @@ template <class S, int D, PseudorangeView<S, D> V>
   // a τ² + 2 h τ + c = 0 of (1) on the line.
   const S a = space_time_product<S, D + 1>(line->direction, line->direction);
   const S h = space_time_product<S, D + 1>(line->foot, line->direction);
-  const S c = space_time_product<S, D + 1>(line->foot, line->foot) - lambda;
+  const S c = space_time_product<S, D + 1>(line->foot, line->foot) - system.square;
   const auto keep = [&](S tau) {
     if (!std::isfinite(tau)) return;
     const Vec<S, D + 1> state = line->foot + tau * line->direction;

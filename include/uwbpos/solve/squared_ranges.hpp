@@ -18,7 +18,7 @@
 
 #include "uwbpos/core/lanes.hpp"
 #include "uwbpos/model/range_set.hpp"
-#include "uwbpos/solve/sum_origin.hpp"
+#include "uwbpos/solve/square_sums.hpp"
 
 namespace uwbpos {
 
@@ -54,24 +54,20 @@ template <class S, int D>
       apart[k] = r.anchor[k] - first[k];
       square += apart[k] * apart[k];
     }
-    apart[D] = range_square - square;
+    apart[D] = square - range_square;
     farthest = std::max(farthest, square);
     near.add(apart, range_square * (r.sigma * r.sigma));
   }
   S middle[D + 1];
   near.place(middle, count);
-  // r² − |d|² there; taken from every square it leaves small numbers, which keep their digits.
+  // |d|² − r² there; taken from every square it leaves small numbers, which keep their digits.
   S offset = middle[D];
 #pragma GCC unroll 4
-  for (int k = 0; k < D; ++k) offset += middle[k] * middle[k];
+  for (int k = 0; k < D; ++k) offset -= middle[k] * middle[k];
   // A range of zero would weigh without bound: no range is known better than it can be written.
   const S rounding = std::numeric_limits<S>::epsilon() * longest;
   const S floor = rounding * rounding;
-  constexpr int kMean = D * (D + 1) / 2;  // Σ w d, after Σ w d dᵀ
-  constexpr int kPull = kMean + D;        // Σ w q d
-  constexpr int kSquare = kPull + D;      // Σ w q
-  constexpr int kWeight = kSquare + 1;    // Σ w
-  const auto sums = sum_in_lanes<S, kWeight + 1>(
+  const auto sums = sum_in_lanes<S, SquareSums<D>::kCount>(
       ranges, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
         using P = std::remove_cvref_t<decltype(one)>;
         Numbers<P, D> d;
@@ -85,44 +81,17 @@ template <class S, int D>
         const P sigma = take([&](const auto& r) { return r.sigma; });
         const P variance = sigma * sigma;
         const P w = one / (S(4) * variance * (range * range + variance * S(0.5) + floor));
-        const P q = range * range - square - offset;
-        const P wq = w * q;
-        add_lower<D, 0>(sum, d, w);
-        unroll<D>([&](auto k) __attribute__((always_inline)) {
-          sum[kMean + k] += w * d[k];
-          sum[kPull + k] += wq * d[k];
-        });
-        sum[kSquare] += wq;
-        sum[kWeight] += w;
+        add_square<D, P>(sum, d, square - range * range - offset, w);
       });
+  const SquareSystem<S, D> about = square_system<S, D>(sums, offset, S(1));
 
   SquaredRanges<S, D> system;
-  const S total = sums[kWeight];
-  const S mean_square = sums[kSquare] / total;
-  S m[D];
-  S shift = S(0);
 #pragma GCC unroll 4
-  for (int k = 0; k < D; ++k) {
-    m[k] = sums[kMean + k] / total;
-    shift += m[k] * m[k];
-    system.center[k] = first[k] + (middle[k] + m[k]);
-  }
-#pragma GCC unroll 4
-  for (int j = 0; j < D; ++j) {
-#pragma GCC unroll 4
-    for (int i = j; i < D; ++i) {
-      system.normal(i, j) = sums[lower_index<D>(i, j)] - sums[kMean + i] * m[j];
-    }
-  }
-#pragma GCC unroll 4
-  for (int j = 0; j < D; ++j) {
-    S along = S(0);
-#pragma GCC unroll 4
-    for (int i = 0; i < D; ++i) along += system.normal(std::max(i, j), std::min(i, j)) * m[i];
-    system.rhs[j] = (m[j] * sums[kSquare] - sums[kPull + j]) / 2 - along;
-  }
-  system.rho_squared = offset + mean_square + shift;
-  system.total_weight = total;
+  for (int k = 0; k < D; ++k) system.center[k] = first[k] + (middle[k] + about.mean[k]);
+  system.normal = about.normal;
+  system.rhs = about.rhs;
+  system.rho_squared = about.square;
+  system.total_weight = about.total_weight;
   system.largest = std::max(longest, std::sqrt(farthest));
   return system;
 }

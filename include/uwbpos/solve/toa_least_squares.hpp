@@ -12,7 +12,8 @@
 #include <algorithm>
 
 #include "uwbpos/core/lanes.hpp"
-#include "uwbpos/model/range.hpp"
+#include "uwbpos/model/range_set.hpp"
+#include "uwbpos/model/range_terms.hpp"
 #include "uwbpos/solve/fix.hpp"
 #include "uwbpos/solve/newton.hpp"
 #include "uwbpos/solve/toa_closed_form.hpp"
@@ -48,38 +49,22 @@ template <class S, int D>
   constexpr int kBend = kWeight + 1;      // Σ b
   constexpr int kTurn = kBend + 1;        // Σ w / d
   constexpr int kSquare = kTurn + 1;      // Σ w e²
-  constexpr S kNowhere = S(1e-24);  // [m²], so that a position at an anchor divides by something
   const S bending = curvature == Curvature::Full ? S(1) : S(0);
   const auto sums = sum_in_lanes<S, kSquare + 1>(
       ranges, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
         using P = std::remove_cvref_t<decltype(one)>;
-        Numbers<P, D> g;
-        P square = P{} + kNowhere;
+        const RangeTerms<P, D> r = range_terms<S, D>(position, center, take, one);
+        const P range = take([](const auto& taken) { return taken.range; });
+        const P residual = (range > P{} ? range : P{}) - r.distance;  // no cusp at the anchor
+        const P weighted = residual * r.weight;
+        const P bend = bending * (residual * r.turn);
         unroll<D>([&](auto k) __attribute__((always_inline)) {
-          const P anchor = take([&](const auto& r) { return r.anchor[int(k)]; });
-          g[k] = position[int(k)] - (anchor - center[int(k)]);
-          square += g[k] * g[k];
+          sum[kPull + k] += weighted * r.gradient[k];
         });
-        const P distance = square_root(square);
-        const P sigma = take([&](const auto& r) { return r.sigma; });
-        const P range = take([&](const auto& r) { return r.range; });
-        const P variance = sigma * sigma;
-        // One division for all: 1/(σ² d), 1/σ² and 1/d.
-        const P both = one / (variance * distance);
-        const P inverse = both * variance;
-        const P weight = both * distance;
-        const P residual = (range > P{} ? range : P{}) - distance;  // no cusp at the anchor
-        const P weighted = residual * weight;
-        const P turn = weight * inverse;
-        const P bend = bending * (residual * turn);
-        unroll<D>([&](auto k) __attribute__((always_inline)) {
-          g[k] *= inverse;
-          sum[kPull + k] += weighted * g[k];
-        });
-        add_lower<D, 0>(sum, g, weight + bend);
-        sum[kWeight] += weight;
+        add_lower<D, 0>(sum, r.gradient, r.weight + bend);
+        sum[kWeight] += r.weight;
         sum[kBend] += bend;
-        sum[kTurn] += turn;
+        sum[kTurn] += r.turn;
         sum[kSquare] += weighted * residual;
       });
   NormalEquations<S, D> normal;
