@@ -469,13 +469,10 @@ std::optional<double> mean_nees(const Site& site, const std::vector<PositionSpre
   for (const PositionSpread& s : spreads) {
     const auto truth =
         s.tag ? true_position(site, *s.tag, s.t) : site.truth.point_at(s.t, Vec3{Vec3::Zero()});
-    const double det =
-        s.covariance(0, 0) * s.covariance(1, 1) - s.covariance(0, 1) * s.covariance(1, 0);
-    if (!truth || !(det > 0)) continue;
+    const Ldlt<double, 2> factor{s.covariance};
+    if (!truth || !factor.positive_definite()) continue;
     const Vec2 e = s.position - truth->head<2>();
-    sum += (e[0] * e[0] * s.covariance(1, 1) - 2 * e[0] * e[1] * s.covariance(0, 1) +
-            e[1] * e[1] * s.covariance(0, 0)) /
-           det / 2;
+    sum += e.dot(factor.solve(e)) / 2;
     ++count;
   }
   if (count == 0) return std::nullopt;
