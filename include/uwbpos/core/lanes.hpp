@@ -73,6 +73,18 @@ template <class S>
   return std::sqrt(x);
 }
 
+/// The lesser of two, or of each two; `b` where `a` is not a number.
+template <class P>
+[[nodiscard, gnu::always_inline]] inline P lesser(const P& a, const P& b) {
+  return a < b ? a : b;
+}
+
+/// Whether x, or each of it, is a finite number.
+template <class P>
+[[nodiscard, gnu::always_inline]] inline auto is_finite(const P& x) {
+  return x - x == P{};
+}
+
 /// K sums over the elements of `all`, in lanes. `step(sum, take, one)` adds to the numbers `sum`
 /// what take(f) = f(element) has, for one element or for two: scalars and pairs alike. Terms must
 /// be proportional to `one`, which is zero for an element that is not there. O(n·K), no allocation.

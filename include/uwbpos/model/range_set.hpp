@@ -67,6 +67,12 @@ inline constexpr int kNegativeRangeSigmas = 3;
 template <class S>
 inline constexpr S kSmallestSigma = S(1e-9);
 
+/// Whether so many measurements are neither too few nor too many.
+[[nodiscard]] constexpr bool is_range_count(std::size_t count, int at_least) {
+  return count >= static_cast<std::size_t>(at_least) &&
+         count <= static_cast<std::size_t>(kMaxMeasurements);
+}
+
 /// The first thing wrong with a set of ranges of any sign, or nothing. O(n), no allocation.
 /// Error::TooFewMeasurements below `at_least`, Error::TooManyMeasurements above `kMaxMeasurements`;
 /// Error::NotFinite; Error::NonPositiveSigma below `kSmallestSigma`.

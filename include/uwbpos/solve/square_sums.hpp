@@ -60,9 +60,9 @@ struct SquareSums {
 };
 
 /// Adds what a point, or a pair of points, has in (1). O(N²).
-template <int N, class P>
-[[gnu::always_inline]] inline void add_square(Numbers<P, SquareSums<N>::kCount>& sum,
-                                              const Numbers<P, N>& d, const P& q, const P& w) {
+template <int N, class P, int K>
+[[gnu::always_inline]] inline void add_square(Numbers<P, K>& sum, const Numbers<P, N>& d,
+                                              const P& q, const P& w) {
   using At = SquareSums<N>;
   const P wq = w * q;
   add_lower<N, 0>(sum, d, w);
