@@ -33,9 +33,7 @@ template <class P, int D>
   Numbers<P, D> y;
   unroll<D>([&](auto i) __attribute__((always_inline)) {
     Numbers<P, D> row;
-    unroll<D>([&](auto j) __attribute__((always_inline)) {
-      row[j] = a[i > j ? lower_index<D>(i, j) : lower_index<D>(j, i)];
-    });
+    unroll<D>([&](auto j) __attribute__((always_inline)) { row[j] = a[lower_of<D>(i, j)]; });
     y[i] = inner<P, D>(row, x);
   });
   return y;
@@ -45,9 +43,8 @@ template <class P, int D>
 template <class P, int D>
 [[nodiscard, gnu::always_inline]] inline P trace_of(const Lower<P, D>& a) {
   P sum = a[0];
-  unroll<D - 1>([&](auto i) __attribute__((always_inline)) {
-    sum += a[lower_index<D>(i + 1, i + 1)];
-  });
+  unroll<D - 1>([&](auto i)
+                    __attribute__((always_inline)) { sum += a[lower_index<D>(i + 1, i + 1)]; });
   return sum;
 }
 
@@ -82,8 +79,8 @@ template <class S, class P, int D>
   P product = a[0] * a[kLast];
   if constexpr (D == 3) product *= a[3];
   // Leading minors: a positive product has none or two negative factors.
-  return (of_a.determinant > kLittle * product) & (a[0] > P{}) &
-         (of_a.adjugate[kLast] > P{}) & (product > P{});
+  return (of_a.determinant > kLittle * product) & (a[0] > P{}) & (of_a.adjugate[kLast] > P{}) &
+         (product > P{});
 }
 
 }  // namespace uwbpos

@@ -33,6 +33,12 @@ inline constexpr int lower_index(int i, int j) {
   return j * D - j * (j - 1) / 2 + i - j;
 }
 
+/// The same for (i, j) above the diagonal too, where a symmetric matrix has the entry (j, i).
+template <int D>
+inline constexpr int lower_of(int i, int j) {
+  return i > j ? lower_index<D>(i, j) : lower_index<D>(j, i);
+}
+
 /// Adds `weight` · g gᵀ to the lower triangle that begins at `sum[Begin]`.
 template <int D, int Begin, class P, int K>
 [[gnu::always_inline]] inline void add_lower(Numbers<P, K>& sum, const Numbers<P, D>& g,
@@ -84,6 +90,9 @@ template <class P>
 [[nodiscard, gnu::always_inline]] inline auto is_finite(const P& x) {
   return x - x == P{};
 }
+
+/// Whether a comparison of two numbers holds, or one of lanes in every lane.
+[[nodiscard]] constexpr bool is_certain(bool holds) { return holds; }
 
 /// K sums over the elements of `all`, in lanes. `step(sum, take, one)` adds to the numbers `sum`
 /// what take(f) = f(element) has, for one element or for two: scalars and pairs alike. Terms must

@@ -22,9 +22,9 @@ struct RangeTerms {
 
 /// The terms at `position`, relative to `center`, both vectors of scalars or of lanes, of what `take`
 /// and `one` of `sum_in_lanes` stand for. O(D), no allocation.
-template <class S, int D, class X, class Take, class P>
+template <class S, int D, class X, class C, class Take, class P>
 [[nodiscard, gnu::always_inline]] inline RangeTerms<P, D> range_terms(const X& position,
-                                                                      const X& center,
+                                                                      const C& center,
                                                                       const Take& take,
                                                                       const P& one) {
   constexpr S kNowhere = S(1e-24);  // [m²], so that a position at an anchor divides by something

@@ -82,21 +82,14 @@ Result<Minimum<S, D>> locate_spanned(RangeSpan<S, D> ranges, const ToaRoots<S, D
                                 roots.largest, chi_squared_rounding(ranges, roots.largest));
 }
 
-/// Whether nothing that a caller may know can change a clear fix: it is believable, and any mirror
-/// image a good deal further from belief than `settle_images` asks.
-template <class S, int D>
-[[nodiscard]] bool is_without_doubt(const DirectFix<S, D>& direct, int degrees_of_freedom) {
-  constexpr S kFarther = S(64);
-  return direct.other - direct.chi_squared > kFarther &&
-         is_believable(direct.chi_squared, degrees_of_freedom);
-}
-
 template <class S, int D>
 Result<Fix<S, D>> locate_ranges(RangeSpan<S, D> ranges, const LocateOptions<S, D>& options) {
   if (is_range_count(ranges.size(), D) && !check_options(options)) {
-    const auto direct = direct_fix<S, D, S>(ranges);
-    if (direct.clear && is_without_doubt(direct.fix, static_cast<int>(ranges.size()) - D)) {
-      return fix_of<S, D>(direct.fix, ranges);
+    const auto direct = direct_ranges<S, D, S>(ranges);
+    const int freedom = static_cast<int>(ranges.size()) - D;
+    if (direct.clear && is_without_doubt(direct.chi_squared, direct.other, freedom)) {
+      return direct_fix<S, D>(ranges.front().anchor, direct.from_first, direct.covariance,
+                              direct.chi_squared, freedom);
     }
   }
   if (const auto error = check_ranges<S, D>(ranges, D)) return std::unexpected(*error);

@@ -49,6 +49,14 @@ template <class S>
   return chi_squared <= freedom + S(4) * std::sqrt(S(2) * freedom) + S(1);
 }
 
+/// Whether no side or prior can change a solution whose mirror image has χ² of at least about
+/// `other`: it is believable, and the image further from it than `settle_images` asks. O(1).
+template <class S>
+[[nodiscard]] bool is_without_doubt(S chi_squared, S other, int degrees_of_freedom) {
+  constexpr S kFarther = S(64);
+  return other - chi_squared > kFarther && is_believable(chi_squared, degrees_of_freedom);
+}
+
 /// True when `better` ≤ `worse`, the χ² of two images, rule the second out.
 /// `needed`: the Δχ² to ask for; `rounding`: the χ² that rounding alone may cause.
 template <class S>

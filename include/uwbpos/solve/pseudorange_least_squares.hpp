@@ -8,6 +8,7 @@
 /// by the descent of newton.hpp from the closed form's roots. For range differences against a
 /// shared reference it is the minimum with their full Q⁻¹ (model/pseudorange.hpp).
 
+#include "uwbpos/solve/direct_pseudoranges.hpp"
 #include "uwbpos/solve/mirror_choice.hpp"
 #include "uwbpos/solve/pseudorange_profile.hpp"
 #include "uwbpos/solve/pseudorange_roots.hpp"
@@ -137,6 +138,13 @@ template <class S, int D, PseudorangeView<S, D> V>
   return fix;
 }
 
+/// Whether a solution in the clear case is the answer, whatever the caller knows. O(1).
+template <class S, int D, class Mask, class V>
+[[nodiscard]] bool is_answer(const DirectPseudoranges<S, D, Mask>& direct, const V& view) {
+  return direct.clear && is_without_doubt(direct.chi_squared, direct.other,
+                                          static_cast<int>(view.size()) - (D + 1));
+}
+
 /// Position and bias from checked pseudoranges, mirror images settled. O(n·D²) an iteration, at
 /// most two descents, no allocation.
 /// Errors: Error::DegenerateGeometry; Error::InconsistentRanges, no root with positive ranges;
@@ -180,6 +188,10 @@ template <RangeSet R>
   using S = RangeSetScalar<R>;
   constexpr int D = kRangeSetDimension<R>;
   const RangeSpan<S, D> span = as_range_span(pseudoranges);
+  if (is_range_count(span.size(), D + 1) && !check_options(options)) {
+    const auto direct = direct_pseudoranges<S, D, S>(span);
+    if (is_answer<S, D>(direct, span)) return biased_fix_of<S, D>(direct, span);
+  }
   if (const auto error = check_range_values<S, D>(span, D + 1)) return std::unexpected(*error);
   if (const auto error = check_options(options)) return std::unexpected(*error);
   return solve_pseudoranges<S, D>(span, options);

@@ -31,11 +31,15 @@ namespace detail {
 template <class S, int D>
 Result<Fix<S, D>> tdoa_least_squares(const Vec<S, D>& reference, DifferenceSpan<S, D> span, S sigma,
                                      const LocateOptions<S, D>& options) {
+  const DifferenceView<S, D> view{reference, span, sigma};
+  if (is_range_count(span.size(), D) && !check_options(options)) {
+    const auto direct = direct_pseudoranges<S, D, S>(view);
+    if (is_answer<S, D>(direct, view)) return position_of<S, D>(direct, view);
+  }
   if (const auto error = check_differences<S, D>(reference, span, sigma, D)) {
     return std::unexpected(*error);
   }
   if (const auto error = check_options(options)) return std::unexpected(*error);
-  const DifferenceView<S, D> view{reference, span, sigma};
   const Result<BiasedFix<S, D>> biased = solve_pseudoranges<S, D>(view, options);
   if (!biased) return std::unexpected(biased.error());
   return position_of(*biased);

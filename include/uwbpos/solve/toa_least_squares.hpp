@@ -14,7 +14,7 @@
 #include "uwbpos/core/lanes.hpp"
 #include "uwbpos/model/range_set.hpp"
 #include "uwbpos/model/range_terms.hpp"
-#include "uwbpos/solve/direct_fix.hpp"
+#include "uwbpos/solve/direct_ranges.hpp"
 #include "uwbpos/solve/fix.hpp"
 #include "uwbpos/solve/newton.hpp"
 #include "uwbpos/solve/toa_closed_form.hpp"
@@ -109,35 +109,32 @@ namespace detail {
 template <class S, int D>
 Result<Fix<S, D>> toa_least_squares(RangeSpan<S, D> span,
                                     const LeastSquaresOptions<S, D>& options) {
+  if (!options.initial && options.max_iterations > 0 && is_range_count(span.size(), D)) {
+    const auto direct = direct_ranges<S, D, S>(span);
+    if (direct.clear) {
+      return direct_fix<S, D>(span.front().anchor, direct.from_first, direct.covariance,
+                              direct.chi_squared, static_cast<int>(span.size()) - D);
+    }
+  }
+  if (const auto error = check_ranges<S, D>(span, D)) return std::unexpected(*error);
+  if (options.max_iterations < 1) return std::unexpected(Error::InvalidOption);
+
   Vec<S, D> center;
   Vec<S, D> start;
   S largest;
-  bool started = false;
-  if (!options.initial && options.max_iterations > 0 && is_range_count(span.size(), D)) {
-    const auto direct = direct_fix<S, D, S>(span);
-    if (direct.clear) return fix_of<S, D>(direct.fix, span);
-    started = direct.started;
+  if (options.initial) {
+    if (!all_finite(*options.initial)) return std::unexpected(Error::NotFinite);
     center = span.front().anchor;
-    start = vec_of<S, D>(direct.start);
-    largest = std::sqrt(direct.squares / static_cast<S>(span.size()));
-  }
-  if (!started) {
-    if (const auto error = check_ranges<S, D>(span, D)) return std::unexpected(*error);
-    if (options.max_iterations < 1) return std::unexpected(Error::InvalidOption);
-    if (options.initial) {
-      if (!all_finite(*options.initial)) return std::unexpected(Error::NotFinite);
-      center = span.front().anchor;
-      start = *options.initial - center;
-      largest = norm(start);
-      for (const RangeTo<S, D>& r : span) largest = std::max(largest, std::abs(r.range));
-    } else {
-      const Result<ToaRoots<S, D>> roots = toa_roots<S, D>(span);
-      if (!roots) return std::unexpected(roots.error());
-      if (roots->flat()) return std::unexpected(Error::AmbiguousSolution);
-      center = roots->center;
-      start = roots->foot + weigh_roots(*roots).likely * roots->direction;
-      largest = roots->largest;
-    }
+    start = *options.initial - center;
+    largest = norm(start);
+    for (const RangeTo<S, D>& r : span) largest = std::max(largest, std::abs(r.range));
+  } else {
+    const Result<ToaRoots<S, D>> roots = toa_roots<S, D>(span);
+    if (!roots) return std::unexpected(roots.error());
+    if (roots->flat()) return std::unexpected(Error::AmbiguousSolution);
+    center = roots->center;
+    start = roots->foot + weigh_roots(*roots).likely * roots->direction;
+    largest = roots->largest;
   }
   const Result<Minimum<S, D>> minimum =
       descend<S, D>(span, center, start, largest, options.max_iterations);

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+#include "uwbpos/core/macros_off.hpp"
+
+/// @file
+/// The clear case of a position from ranges, as most are: anchors all around, noise small beside
+/// distances. Two passes over the ranges and no branch, so that lanes of a register may each solve
+/// an epoch of its own (solve/batch.hpp); what is not clear says so and is left to the descent.
+///
+/// The first pass makes the linear system of squares (squared_ranges.hpp): A s₀ = b about the
+/// anchors' weighted mean, and their mean |s|² = ρ², independent of each other. Together
+/// \f[ f(s) = (s - s_0)^T A (s - s_0) + \tfrac{W}{4} \left( |s|^2 - \rho^2 \right)^2, \qquad (1)
+/// \f] whose minimum, by the update of an iterated Kalman filter with the mean as its measurement,
+/// has the errors of the maximum likelihood but for noise squared. There \f$ (A + \lambda I) s = b,
+/// \;
+/// \lambda = W (|s|^2 - \rho^2) / 2 \f$, and a minimum with A + λI positive definite is the lowest
+/// (A. Beck, P. Stoica and J. Li, IEEE Trans. Signal Processing 56(5), 2008). Any other, a mirror
+/// image, has λ_min(A) ≤ −λ ≤ Wρ²/2, as |s|² = ρ² + 2λ/W has it, and where the two leave room
+/// \f[ f = \lambda^2 \left( s^T A^{-1} s + \tfrac1W \right) \ge \min\left( \lambda_{min}^2 \left(
+///     \frac{\rho^2 - 2 \lambda_{min} / W}{\lambda_{max}} + \frac1W \right), \tfrac14 W \rho^4
+///     \right). \qquad (2) \f]
+///
+/// The second pass makes J, H and ∇ of newton.hpp there, and one step of Newton ends it
+/// (direct_step.hpp); where it does not, scalars take a second.
+
+#include <limits>
+
+#include "uwbpos/model/range_set.hpp"
+#include "uwbpos/model/range_terms.hpp"
+#include "uwbpos/solve/direct_step.hpp"
+#include "uwbpos/solve/square_sums.hpp"
+
+namespace uwbpos {
+
+/// A position in the clear case; numbers or lanes of numbers. `clear`: a bool, or a mask of lanes.
+template <class P, int D, class Mask>
+struct DirectRanges {
+  Numbers<P, D> from_first;  ///< from the first anchor [m]
+  Lower<P, D> covariance;    ///< J⁻¹ [m²]
+  P chi_squared;             ///< at the position
+  P other;                   ///< (2), what χ² of a mirror image is at least, about
+  Mask clear;                ///< it is the minimum of χ² that (1) leads to
+};
+
+/// Solves `ranges`, anything with a size and elements like `RangeTo`, of scalars P = S or of lanes.
+/// O(n·D²), no allocation. Never fails: `clear` is false where a range, a sigma or an anchor is not
+/// as `check_ranges` wants it, but for their number, and where (1) or the step do not do.
+template <class S, int D, class P, class V>
+[[nodiscard, gnu::always_inline]] inline auto direct_ranges(const V& ranges) {
+  using At = SquareSums<D>;
+  constexpr int kFault = At::kCount;    // below zero where a sign is wrong
+  constexpr int kSquares = kFault + 1;  // Σ |u|² + r² + σ²
+  constexpr S kEpsilon = std::numeric_limits<S>::epsilon();
+  Numbers<P, D> first;
+  unroll<D>([&](auto k) __attribute__((always_inline)) { first[k] = ranges[0].anchor[int(k)]; });
+  const auto sums = sum_in_lanes<P, kSquares + 1>(
+      ranges, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
+        using Q = std::remove_cvref_t<decltype(one)>;
+        Numbers<Q, D> d;
+        Q square = Q{};
+        unroll<D>([&](auto k) __attribute__((always_inline)) {
+          d[k] = take([&](const auto& r) { return r.anchor[int(k)]; }) - first[k];
+          square += d[k] * d[k];
+        });
+        const Q range = take([](const auto& r) { return r.range; });
+        const Q sigma = take([](const auto& r) { return r.sigma; });
+        const Q variance = sigma * sigma;
+        const Q range_square = range * range;
+        add_square<D, Q>(sum, d, square - range_square,
+                         one / (variance * (range_square + S(0.5) * variance)));
+        sum[kSquares] += square + range_square + variance;  // a bound: one twice does no harm
+        const Q sign = lesser(range + S(kNegativeRangeSigmas) * sigma, sigma - kSmallestSigma<S>);
+        sum[kFault] += lesser(sign, Q{});
+      });
+
+  // (1) about m, the weighted mean.
+  const P each = S(1) / sums[At::kWeight];
+  const P mean_square = sums[At::kSquare] * each;
+  Numbers<P, D> m;
+  Numbers<P, D> b;
+  Lower<P, D> a;
+  unroll<D>([&](auto j) __attribute__((always_inline)) {
+    m[j] = sums[At::kMean + j] * each;
+    b[j] = sums[At::kPull + j] - m[j] * sums[At::kSquare];
+  });
+  unroll<D>([&](auto j) __attribute__((always_inline)) {
+    unroll<D - j>([&](auto i) __attribute__((always_inline)) {
+      a[lower_index<D>(j + i, j)] = sums[lower_index<D>(j + i, j)] - sums[At::kMean + j + i] * m[j];
+    });
+  });
+  const Cofactors<P, D> of_a = cofactors<P, D>(a);
+  const P inverse = S(1) / of_a.determinant;
+  Numbers<P, D> linear = times<P, D>(of_a.adjugate, b);
+  unroll<D>([&](auto k) __attribute__((always_inline)) {
+    linear[k] = S(0.5) * inverse * linear[k] - m[k];
+  });
+  const P rho_square = inner<P, D>(m, m) - mean_square;
+  const P mean_variance = each * of_a.determinant;
+  Numbers<P, D> s = linear;
+  for (int i = 0; i < 2; ++i) {
+    const Numbers<P, D> towards = times<P, D>(of_a.adjugate, s);
+    const P off = rho_square + inner<P, D>(s, s) - S(2) * inner<P, D>(s, linear);
+    const P gain = S(0.5) * off / (inner<P, D>(s, towards) + mean_variance);
+    unroll<D>([&](auto k) __attribute__((always_inline)) { s[k] = linear[k] + gain * towards[k]; });
+  }
+  const P pull = S(0.5) * sums[At::kWeight] * (inner<P, D>(s, s) - rho_square);  // λ
+  const P least = of_a.determinant / trace_of<P, D>(of_a.adjugate);  // no more than λ_min
+  Numbers<P, D> place;
+  unroll<D>([&](auto k) __attribute__((always_inline)) { place[k] = s[k] + m[k]; });
+  const P room = rho_square - S(2) * least * each;
+  const P image = least * least * (each + room / trace_of<P, D>(a));
+  const P other = room > P{} ? lesser(image, S(0.25) * sums[At::kWeight] * rho_square * rho_square)
+                             : P{} + std::numeric_limits<S>::max();
+  const auto started = (sums[kFault] == P{}) & is_finite(sums[kSquares]) &
+                       is_well_conditioned<S, P, D>(a, of_a) & (pull + least > P{});
+
+  constexpr int kLower = D * (D + 1) / 2;
+  constexpr int kPull = kLower;           // ∇, after J
+  constexpr int kBends = kPull + D;       // Σ b g gᵀ
+  constexpr int kTurn = kBends + kLower;  // Σ w / d
+  constexpr int kChi = kTurn + 1;         // χ²
+  for (int left = kDirectSteps<S, P>;; --left) {
+    const auto terms = sum_in_lanes<P, kChi + 1>(
+        ranges, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
+          using Q = std::remove_cvref_t<decltype(one)>;
+          const RangeTerms<Q, D> r = range_terms<S, D>(place, first, take, one);
+          const Q range = take([](const auto& taken) { return taken.range; });
+          const Q residual = (range > Q{} ? range : Q{}) - r.distance;  // no cusp at the anchor
+          const Q weighted = residual * r.weight;
+          unroll<D>([&](auto k) __attribute__((always_inline)) {
+            sum[kPull + k] += weighted * r.gradient[k];
+          });
+          add_lower<D, 0>(sum, r.gradient, r.weight);
+          add_lower<D, kBends>(sum, r.gradient, Q{residual * r.turn});
+          sum[kTurn] += r.turn;
+          sum[kChi] += weighted * residual;
+        });
+    DirectNormal<P, D> normal;
+    unroll<kLower>([&](auto k) __attribute__((always_inline)) {
+      normal.information[k] = terms[k];
+      normal.bends[k] = terms[kBends + k];
+    });
+    unroll<D>([&](auto k)
+                  __attribute__((always_inline)) { normal.gradient[k] = terms[kPull + k]; });
+    normal.chi_squared = terms[kChi];
+    const P third = kThirdDerivative<S> * terms[kTurn];
+    normal.third_square = third * third;
+    normal.stray_square = P{};
+    normal.noise = trace_of<P, D>(normal.information) * (kEpsilon * kEpsilon * sums[kSquares]);
+    const auto end = direct_step<S, P, D>(normal);
+    unroll<D>([&](auto k) __attribute__((always_inline)) { place[k] += end.step[k]; });
+    const auto clear = started & end.settled & is_finite(inner<P, D>(place, place));
+    if (kDirectSteps<S, P> == 1 || left == 1 || is_certain(clear)) {
+      return DirectRanges<P, D, std::remove_cv_t<decltype(clear)>>{place, end.covariance,
+                                                                   end.chi_squared, other, clear};
+    }
+  }
+}
+
+}  // namespace uwbpos
+
+#include "uwbpos/core/macros_back.hpp"
