@@ -69,18 +69,27 @@ template <class P, int D>
   }
 }
 
+/// The product of the diagonal of A, which det A never exceeds.
+template <class P, int D>
+[[nodiscard, gnu::always_inline]] inline P product_of_diagonal(const Lower<P, D>& a) {
+  const P ends = a[0] * a[lower_index<D>(D - 1, D - 1)];
+  if constexpr (D == 3) {
+    return ends * a[3];
+  } else {
+    return ends;
+  }
+}
+
 /// True, in each lane, where A is positive definite and its cofactors keep all but ten bits or so:
-/// det A is more than a little of the product of the diagonal, which it never exceeds.
+/// det A is more than a little of the product of the diagonal.
 template <class S, class P, int D>
 [[nodiscard, gnu::always_inline]] inline auto is_well_conditioned(const Lower<P, D>& a,
                                                                   const Cofactors<P, D>& of_a) {
   constexpr S kLittle = S(1024) * std::numeric_limits<S>::epsilon();
-  constexpr int kLast = lower_index<D>(D - 1, D - 1);
-  P product = a[0] * a[kLast];
-  if constexpr (D == 3) product *= a[3];
+  const P product = product_of_diagonal<P, D>(a);
   // Leading minors: a positive product has none or two negative factors.
-  return (of_a.determinant > kLittle * product) & (a[0] > P{}) & (of_a.adjugate[kLast] > P{}) &
-         (product > P{});
+  return (of_a.determinant > kLittle * product) & (a[0] > P{}) &
+         (of_a.adjugate[lower_index<D>(D - 1, D - 1)] > P{}) & (product > P{});
 }
 
 }  // namespace uwbpos

@@ -5,20 +5,21 @@
 /// @file
 /// The clear case of a position from ranges, as most are: anchors all around, noise small beside
 /// distances. Two passes over the ranges and no branch, so that lanes of a register may each solve
-/// an epoch of its own (solve/batch.hpp); what is not clear says so and is left to the descent.
+/// an epoch of its own (solve/batch.hpp); what is not clear says so and is left to other solvers.
 ///
 /// The first pass makes the linear system of squares (squared_ranges.hpp): A s₀ = b about the
 /// anchors' weighted mean, and their mean |s|² = ρ², independent of each other. Together
-/// \f[ f(s) = (s - s_0)^T A (s - s_0) + \tfrac{W}{4} \left( |s|^2 - \rho^2 \right)^2, \qquad (1)
-/// \f] whose minimum, by the update of an iterated Kalman filter with the mean as its measurement,
-/// has the errors of the maximum likelihood but for noise squared. There \f$ (A + \lambda I) s = b,
-/// \;
-/// \lambda = W (|s|^2 - \rho^2) / 2 \f$, and a minimum with A + λI positive definite is the lowest
-/// (A. Beck, P. Stoica and J. Li, IEEE Trans. Signal Processing 56(5), 2008). Any other, a mirror
-/// image, has λ_min(A) ≤ −λ ≤ Wρ²/2, as |s|² = ρ² + 2λ/W has it, and where the two leave room
-/// \f[ f = \lambda^2 \left( s^T A^{-1} s + \tfrac1W \right) \ge \min\left( \lambda_{min}^2 \left(
-///     \frac{\rho^2 - 2 \lambda_{min} / W}{\lambda_{max}} + \frac1W \right), \tfrac14 W \rho^4
-///     \right). \qquad (2) \f]
+/// \f[ f(s) = (s - s_0)^T A (s - s_0) + \tfrac{W}{4} \left( |s|^2 - \rho^2 \right)^2,
+///     \qquad (1) \f]
+/// whose minimum, by the update of an iterated Kalman filter with the mean as its measurement, has
+/// the errors of the maximum likelihood but for noise squared. There
+/// \f$ (A + \lambda I) s = b, \; \lambda = W (|s|^2 - \rho^2) / 2 \f$, and a minimum with A + λI
+/// positive definite is the lowest (A. Beck, P. Stoica and J. Li, IEEE Trans. Signal Processing
+/// 56(5), 2008). Any other, a mirror image, has −λ beyond the least eigenvalue of A, so that
+/// \f[ f = \lambda^2 \left( s^T A^{-1} s + \tfrac1W \right), \qquad
+///     |s|^2 = \rho^2 - \tfrac2W |\lambda|. \qquad (2) \f]
+/// Up to the next eigenvalue only what s has along the weakest direction changes sign, and the rest
+/// grows: |s|² is no less than the rest of |s₀|², or there is no image.
 ///
 /// The second pass makes J, H and ∇ of newton.hpp there, and one step of Newton ends it
 /// (direct_step.hpp); where it does not, scalars take a second.
@@ -32,27 +33,71 @@
 
 namespace uwbpos {
 
+/// The minimum of (1); numbers or lanes of numbers. Masks: bools, or masks of lanes.
+template <class P, int D, class Mask>
+struct RangeSquares {
+  Numbers<P, D> place;  ///< from the first anchor [m]
+  P other;              ///< what χ² of another is at least, about
+  P squares;            ///< Σ |u|² + r² + σ² [m²]
+  Mask started;         ///< ranges are well formed, and (1) has its lowest minimum there
+  Mask precise;         ///< and rounding is nothing beside noise
+  Mask sole;            ///< and another is out of the question
+};
+
 /// A position in the clear case; numbers or lanes of numbers. `clear`: a bool, or a mask of lanes.
 template <class P, int D, class Mask>
 struct DirectRanges {
   Numbers<P, D> from_first;  ///< from the first anchor [m]
   Lower<P, D> covariance;    ///< J⁻¹ [m²]
   P chi_squared;             ///< at the position
-  P other;                   ///< (2), what χ² of a mirror image is at least, about
+  P other;                   ///< what χ² of a mirror image is at least, about
   Mask clear;                ///< it is the minimum of χ² that (1) leads to
 };
 
-/// Solves `ranges`, anything with a size and elements like `RangeTo`, of scalars P = S or of lanes.
-/// O(n·D²), no allocation. Never fails: `clear` is false where a range, a sigma or an anchor is not
-/// as `check_ranges` wants it, but for their number, and where (1) or the step do not do.
+/// What f is at least, about, at an image by (2). O(D²).
+template <class S, class P, int D>
+[[nodiscard, gnu::always_inline]] inline P image_chi_squared(const Lower<P, D>& a,
+                                                             const Cofactors<P, D>& of_a,
+                                                             const Numbers<P, D>& linear,
+                                                             const P& least, const P& each,
+                                                             const P& rho_square) {
+  // The weakest direction: the column of A⁻¹ with the greatest variance.
+  Numbers<P, D> weak = {};
+  P variance = P{};
+  unroll<D>([&](auto j) __attribute__((always_inline)) {
+    const P entry = of_a.adjugate[lower_index<D>(j, j)];
+    const auto more = entry > variance;
+    variance = more ? entry : variance;
+    unroll<D>([&](auto i) __attribute__((always_inline)) {
+      weak[i] = more ? of_a.adjugate[lower_of<D>(i, j)] : weak[i];
+    });
+  });
+  const P along = inner<P, D>(weak, linear);
+  const P rest = inner<P, D>(linear, linear) - along * along / inner<P, D>(weak, weak);
+  const P trace = trace_of<P, D>(a);
+  // No more than the next eigenvalue: (λ₂ λ₃ − λ₁²) / tr A, or less.
+  const P next =
+      D == 3 ? P{trace_of<P, D>(of_a.adjugate) / trace - S(3) * least} : P{S(0.5) * trace};
+  const P beyond = next * next * each;
+  const P room = rho_square - rest - S(2) * least * each;
+  const P near = least * least * (each + (rest + room) / trace);
+  const P most = rho_square - rest;
+  const P far = S(0.25) * most * most / each;
+  const P other = room > P{} ? lesser(lesser(near, far), beyond) : beyond;
+  const P trusted = next > P{} ? other : P{};
+  return rest + room > P{} ? trusted : P{} + std::numeric_limits<S>::max();
+}
+
+/// Solves (1) for `ranges`, anything with a size and elements like `RangeTo`, of scalars P = S or
+/// of lanes, relative to the `first` anchor. O(n·D²), no allocation. Never fails: `started` is
+/// false where a range, a sigma or an anchor is not as `check_ranges` wants it, but for their
+/// number.
 template <class S, int D, class P, class V>
-[[nodiscard, gnu::always_inline]] inline auto direct_ranges(const V& ranges) {
+[[nodiscard, gnu::always_inline]] inline auto range_squares(const V& ranges,
+                                                            const Numbers<P, D>& first) {
   using At = SquareSums<D>;
   constexpr int kFault = At::kCount;    // below zero where a sign is wrong
   constexpr int kSquares = kFault + 1;  // Σ |u|² + r² + σ²
-  constexpr S kEpsilon = std::numeric_limits<S>::epsilon();
-  Numbers<P, D> first;
-  unroll<D>([&](auto k) __attribute__((always_inline)) { first[k] = ranges[0].anchor[int(k)]; });
   const auto sums = sum_in_lanes<P, kSquares + 1>(
       ranges, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
         using Q = std::remove_cvref_t<decltype(one)>;
@@ -107,13 +152,37 @@ template <class S, int D, class P, class V>
   const P least = of_a.determinant / trace_of<P, D>(of_a.adjugate);  // no more than λ_min
   Numbers<P, D> place;
   unroll<D>([&](auto k) __attribute__((always_inline)) { place[k] = s[k] + m[k]; });
-  const P room = rho_square - S(2) * least * each;
-  const P image = least * least * (each + room / trace_of<P, D>(a));
-  const P other = room > P{} ? lesser(image, S(0.25) * sums[At::kWeight] * rho_square * rho_square)
-                             : P{} + std::numeric_limits<S>::max();
+  const P other = image_chi_squared<S, P, D>(a, of_a, linear, least, each, rho_square);
   const auto started = (sums[kFault] == P{}) & is_finite(sums[kSquares]) &
                        is_well_conditioned<S, P, D>(a, of_a) & (pull + least > P{});
 
+  // The start of a descent may have lost digits that an answer needs.
+  constexpr S kGood = S(1) / S(64);
+  const auto precise = started & is_finite(inner<P, D>(place, place)) &
+                       (of_a.determinant > kGood * product_of_diagonal<P, D>(a));
+  constexpr S kHopeless = S(400);
+  const auto sole = precise & (other > kHopeless);
+  return RangeSquares<P, D, std::remove_cv_t<decltype(sole)>>{place,   other,   sums[kSquares],
+                                                              started, precise, sole};
+}
+
+/// The first anchor of `ranges`.
+template <class P, int D, class V>
+[[nodiscard, gnu::always_inline]] inline Numbers<P, D> first_anchor(const V& ranges) {
+  Numbers<P, D> first;
+  unroll<D>([&](auto k)
+                __attribute__((always_inline)) { first[k] = P{} + ranges[0].anchor[int(k)]; });
+  return first;
+}
+
+/// Solves `ranges`, as `range_squares` takes them. O(n·D²), no allocation. Never fails: what the
+/// squares do not start, or the steps do not settle, is not `clear`.
+template <class S, int D, class P, class V>
+[[nodiscard, gnu::always_inline]] inline auto direct_ranges(const V& ranges) {
+  constexpr S kEpsilon = std::numeric_limits<S>::epsilon();
+  const Numbers<P, D> first = first_anchor<P, D>(ranges);
+  const auto squares = range_squares<S, D, P>(ranges, first);
+  Numbers<P, D> place = squares.place;
   constexpr int kLower = D * (D + 1) / 2;
   constexpr int kPull = kLower;           // ∇, after J
   constexpr int kBends = kPull + D;       // Σ b g gᵀ
@@ -146,13 +215,13 @@ template <class S, int D, class P, class V>
     const P third = kThirdDerivative<S> * terms[kTurn];
     normal.third_square = third * third;
     normal.stray_square = P{};
-    normal.noise = trace_of<P, D>(normal.information) * (kEpsilon * kEpsilon * sums[kSquares]);
+    normal.noise = trace_of<P, D>(normal.information) * (kEpsilon * kEpsilon * squares.squares);
     const auto end = direct_step<S, P, D>(normal);
     unroll<D>([&](auto k) __attribute__((always_inline)) { place[k] += end.step[k]; });
-    const auto clear = started & end.settled & is_finite(inner<P, D>(place, place));
+    const auto clear = squares.started & end.settled & is_finite(inner<P, D>(place, place));
     if (kDirectSteps<S, P> == 1 || left == 1 || is_certain(clear)) {
-      return DirectRanges<P, D, std::remove_cv_t<decltype(clear)>>{place, end.covariance,
-                                                                   end.chi_squared, other, clear};
+      return DirectRanges<P, D, std::remove_cv_t<decltype(clear)>>{
+          place, end.covariance, end.chi_squared, squares.other, clear};
     }
   }
 }

@@ -100,6 +100,16 @@ template <class S, class P, int D>
 template <class S, class P>
 inline constexpr int kDirectSteps = std::is_same_v<S, P> ? 2 : 1;
 
+/// The point `from_first`, an anchor at `first` [m].
+template <class S, int D, class X>
+[[nodiscard, gnu::always_inline]] inline Vec<S, D> moved(const X& first,
+                                                         const Numbers<S, D>& from_first) {
+  Vec<S, D> point;
+  unroll<D>([&](auto k)
+                __attribute__((always_inline)) { point[int(k)] = first[int(k)] + from_first[k]; });
+  return point;
+}
+
 /// A fix `from_first`, an anchor at `first` [m], of lower triangle `covariance`. O(D²).
 template <class S, int D, class X>
 [[nodiscard, gnu::always_inline]] inline Fix<S, D> direct_fix(const X& first,
@@ -108,8 +118,8 @@ template <class S, int D, class X>
                                                               S chi_squared,
                                                               int degrees_of_freedom) {
   Fix<S, D> fix;
+  fix.position = moved<S, D>(first, from_first);
   unroll<D>([&](auto j) __attribute__((always_inline)) {
-    fix.position[int(j)] = first[int(j)] + from_first[j];
     unroll<D>([&](auto i) __attribute__((always_inline)) {
       fix.covariance(int(i), int(j)) = covariance[lower_of<D>(i, j)];
     });

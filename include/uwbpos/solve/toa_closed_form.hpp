@@ -6,6 +6,7 @@
 /// Position from ranges without iteration: D anchors, flat arrays of any number, or more. Exact on
 /// exact ranges. (000-15) and its 3-D form are the case n = D + 1, (000-16) the one on the axes.
 
+#include "uwbpos/solve/direct_ranges.hpp"
 #include "uwbpos/solve/mirror_choice.hpp"
 #include "uwbpos/solve/toa_roots.hpp"
 
@@ -16,6 +17,15 @@ namespace detail {
 /// `toa_closed_form` for one scalar and dimension.
 template <class S, int D>
 Result<Mirror<S, D>> toa_closed_form(RangeSpan<S, D> span) {
+  if (is_range_count(span.size(), D)) {
+    const auto squares = range_squares<S, D, S>(span, first_anchor<S, D>(span));
+    const Vec<S, D> position = moved<S, D>(span.front().anchor, squares.place);
+    const int freedom = static_cast<int>(span.size()) - D;
+    if (squares.sole || (squares.precise && is_without_doubt(chi_squared<S, D>(span, position),
+                                                             squares.other, freedom))) {
+      return Mirror<S, D>{position, position};
+    }
+  }
   if (const auto error = check_ranges<S, D>(span, D)) return std::unexpected(*error);
   const Result<ToaRoots<S, D>> roots = toa_roots<S, D>(span);
   if (!roots) return std::unexpected(roots.error());
@@ -74,16 +84,17 @@ template <RangeSet R>
 /// Error::NumericOverflow.
 template <class S>
 [[nodiscard]] Result<Vec<S, 2>> toa_on_axes(S d1, S d2, S d3, S x2, S y3) {
+  const Vec<S, 2> position{((d1 - d2) * (d1 + d2) / x2 + x2) / 2,
+                           ((d1 - d3) * (d1 + d3) / y3 + y3) / 2};
+  // What is not finite, or divides by zero, is not finite in the end.
+  if (all_finite(position) && d1 >= S(0) && d2 >= S(0) && d3 >= S(0)) return position;
   if (!std::isfinite(d1) || !std::isfinite(d2) || !std::isfinite(d3) || !std::isfinite(x2) ||
       !std::isfinite(y3)) {
     return std::unexpected(Error::NotFinite);
   }
   if (d1 < S(0) || d2 < S(0) || d3 < S(0)) return std::unexpected(Error::NegativeRange);
   if (x2 == S(0) || y3 == S(0)) return std::unexpected(Error::DegenerateGeometry);
-  const Vec<S, 2> position{((d1 - d2) * (d1 + d2) / x2 + x2) / 2,
-                           ((d1 - d3) * (d1 + d3) / y3 + y3) / 2};
-  if (!all_finite(position)) return std::unexpected(Error::NumericOverflow);
-  return position;
+  return std::unexpected(Error::NumericOverflow);
 }
 
 }  // namespace uwbpos
