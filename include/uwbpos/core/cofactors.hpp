@@ -69,27 +69,38 @@ template <class P, int D>
   }
 }
 
-/// The product of the diagonal of A, which det A never exceeds.
-template <class P, int D>
-[[nodiscard, gnu::always_inline]] inline P product_of_diagonal(const Lower<P, D>& a) {
-  const P ends = a[0] * a[lower_index<D>(D - 1, D - 1)];
-  if constexpr (D == 3) {
-    return ends * a[3];
+/// True, in each lane, where A is positive definite and rounding leaves its determinant ten bits or
+/// more: entries of A that came of subtraction carry errors of the terms' size, on the diagonal
+/// that of `terms`, and det A changes with a diagonal entry by its cofactor.
+template <class S, class P, int D>
+[[nodiscard, gnu::always_inline]] inline auto is_well_conditioned(const Lower<P, D>& a,
+                                                                  const Cofactors<P, D>& of_a,
+                                                                  const Numbers<P, D>& terms,
+                                                                  S bits = S(1024)) {
+  const S little = bits * std::numeric_limits<S>::epsilon();
+  Numbers<P, D> diagonal;
+  unroll<D>([&](auto k) __attribute__((always_inline)) {
+    diagonal[k] = of_a.adjugate[lower_index<D>(k, k)];
+  });
+  const P change = inner<P, D>(terms, diagonal);
+  // All leading minors: noise of a rank that is missing may look like a determinant.
+  constexpr int kSecond = lower_index<D>(1, 1);
+  const auto two = (a[0] > little * terms[0]) & (of_a.determinant > little * change);
+  if constexpr (D == 2) {
+    return two & (of_a.determinant > P{});
   } else {
-    return ends;
+    return two & (of_a.determinant > P{}) &
+           (diagonal[D - 1] > little * (terms[0] * a[kSecond] + terms[1] * a[0]));
   }
 }
 
-/// True, in each lane, where A is positive definite and its cofactors keep all but ten bits or so:
-/// det A is more than a little of the product of the diagonal.
+/// The same of a matrix whose entries are sums that nothing was subtracted from.
 template <class S, class P, int D>
 [[nodiscard, gnu::always_inline]] inline auto is_well_conditioned(const Lower<P, D>& a,
                                                                   const Cofactors<P, D>& of_a) {
-  constexpr S kLittle = S(1024) * std::numeric_limits<S>::epsilon();
-  const P product = product_of_diagonal<P, D>(a);
-  // Leading minors: a positive product has none or two negative factors.
-  return (of_a.determinant > kLittle * product) & (a[0] > P{}) &
-         (of_a.adjugate[lower_index<D>(D - 1, D - 1)] > P{}) & (product > P{});
+  Numbers<P, D> terms;
+  unroll<D>([&](auto k) __attribute__((always_inline)) { terms[k] = a[lower_index<D>(k, k)]; });
+  return is_well_conditioned<S, P, D>(a, of_a, terms);
 }
 
 }  // namespace uwbpos

@@ -60,6 +60,17 @@ struct WideRanges {
   std::size_t begin;              ///< the first in the register
 
   [[nodiscard]] std::size_t size() const { return batch.anchors.size(); }
+  /// Where sums begin: as in a single solve, at the first anchor that an epoch has.
+  [[nodiscard]] Numbers<Wide<S>, D> first() const {
+    std::size_t last = 0;
+    while (last + 1 < size() && !is_certain(one(last) > Wide<S>{})) ++last;
+    Numbers<Wide<S>, D> place = {};
+    for (std::size_t i = last + 1; i-- > 0;) {
+      const auto present = one(i) > Wide<S>{};
+      for (int k = 0; k < D; ++k) place[k] = present ? Wide<S>{} + batch.anchors[i][k] : place[k];
+    }
+    return place;
+  }
   [[nodiscard]] Wide<S> one(std::size_t i) const {
     const Wide<S> range = load_lanes(&batch.ranges[i * epochs + begin]);
     return range == range ? Wide<S>{} + S(1) : Wide<S>{};
@@ -91,8 +102,16 @@ struct WideDifferences {
   }
 };
 
-/// Solves `epochs`, a register full at a time by `wide(begin, lanes)`, which calls `lanes(l, …)` no
-/// more than once for lane l if it is solved, and by `single(e)` what is left.
+/// How many elements there are in each lane.
+template <class V>
+[[nodiscard]] auto how_many(const V& view) {
+  auto count = view.one(0);
+  for (std::size_t i = 1; i < view.size(); ++i) count += view.one(i);
+  return count;
+}
+
+/// Solves `epochs`, a register full at a time by `wide(begin)`, which tells what lanes it has
+/// solved, and by `single(e)` what is left.
 template <class S, class Wider, class Single>
 std::size_t solve_batch(std::size_t epochs, const Wider& wide, const Single& single) {
   std::size_t together = 0;
@@ -152,16 +171,17 @@ Result<std::size_t> solve_range_batch(const RangeBatch<S, D>& batch,
     std::array<bool, kLanes<S>> solved = {};
     if (batch.anchors.size() < static_cast<std::size_t>(D)) return solved;
     const WideRanges<S, D> ranges{batch, epochs, begin};
-    Wide<S> count = {};
-    for (std::size_t i = 0; i < ranges.size(); ++i) count += ranges.one(i);
+    const Wide<S> count = how_many(ranges);
     const auto direct = direct_ranges<S, D, Wide<S>>(ranges);
+    const Numbers<Wide<S>, D> first = ranges.first();
     for (std::size_t l = 0; l < kLanes<S>; ++l) {
       const int freedom = static_cast<int>(count[l]) - D;
-      solved[l] = direct.clear[l] && (!doubtless || is_without_doubt(S(direct.chi_squared[l]),
-                                                                     S(direct.other[l]), freedom));
+      solved[l] =
+          direct.clear[l] && freedom >= 0 &&
+          (!doubtless || is_without_doubt(S(direct.chi_squared[l]), S(direct.other[l]), freedom));
       if (!solved[l]) continue;
       fixes[begin + l] =
-          direct_fix<S, D>(batch.anchors.front(), lane<S>(direct.from_first, l),
+          direct_fix<S, D>(lane<S>(first, l), lane<S>(direct.from_first, l),
                            lane<S>(direct.covariance, l), S(direct.chi_squared[l]), freedom);
     }
     return solved;
@@ -208,12 +228,14 @@ Result<std::size_t> toa_closed_form(const RangeBatch<S, D>& batch,
     std::array<bool, kLanes<S>> solved = {};
     if (batch.anchors.size() < static_cast<std::size_t>(D)) return solved;
     const detail::WideRanges<S, D> ranges{batch, epochs, begin};
-    const auto squares = range_squares<S, D, Wide<S>>(ranges, first_anchor<Wide<S>, D>(ranges));
+    const Numbers<Wide<S>, D> first = ranges.first();
+    const Wide<S> count = detail::how_many(ranges);
+    const auto squares = range_squares<S, D, Wide<S>>(ranges, first);
     for (std::size_t l = 0; l < kLanes<S>; ++l) {
-      solved[l] = squares.sole[l] != 0;
+      solved[l] = squares.sole[l] && count[l] >= S(D);
       if (!solved[l]) continue;
       const Vec<S, D> position =
-          moved<S, D>(batch.anchors.front(), detail::lane<S>(squares.place, l));
+          moved<S, D>(detail::lane<S>(first, l), detail::lane<S>(squares.place, l));
       positions[begin + l] = Mirror<S, D>{position, position};
     }
     return solved;
@@ -238,12 +260,11 @@ Result<std::size_t> locate(const DifferenceBatch<S, D>& batch, std::span<Result<
     std::array<bool, kLanes<S>> solved = {};
     if (batch.anchors.size() < static_cast<std::size_t>(D)) return solved;
     const detail::WideDifferences<S, D> differences{batch, epochs, begin};
-    Wide<S> count = {};
-    for (std::size_t i = 0; i < differences.size(); ++i) count += differences.one(i);
+    const Wide<S> count = detail::how_many(differences);
     const auto direct = direct_pseudoranges<S, D, Wide<S>>(differences);
     for (std::size_t l = 0; l < kLanes<S>; ++l) {
       const int freedom = static_cast<int>(count[l]) - (D + 1);
-      solved[l] = direct.clear[l] &&
+      solved[l] = direct.clear[l] && freedom >= 0 &&
                   is_without_doubt(S(direct.chi_squared[l]), S(direct.other[l]), freedom);
       if (!solved[l]) continue;
       fixes[begin + l] = direct_fix<S, D>(batch.reference, detail::lane<S>(direct.from_first, l),

@@ -109,7 +109,8 @@ template <class S, int D, class P, class V>
 [[nodiscard, gnu::always_inline]] inline auto direct_pseudoranges(const V& view) {
   constexpr S kEpsilon = std::numeric_limits<S>::epsilon();
   Numbers<P, D> first;
-  unroll<D>([&](auto k) __attribute__((always_inline)) { first[k] = P{} + view[0].anchor[int(k)]; });
+  unroll<D>([&](auto k)
+                __attribute__((always_inline)) { first[k] = P{} + view[0].anchor[int(k)]; });
   const P first_range = view[0].range;
   const auto squares = square_minimum<S, D, P>(view, first, first_range);
   const P noise = kEpsilon * kEpsilon * squares.squares;

@@ -124,7 +124,9 @@ template <class S, int D, class P, class V>
   Numbers<P, D> m;
   Numbers<P, D> b;
   Lower<P, D> a;
+  Numbers<P, D> terms;
   unroll<D>([&](auto j) __attribute__((always_inline)) {
+    terms[j] = sums[lower_index<D>(j, j)];
     m[j] = sums[At::kMean + j] * each;
     b[j] = sums[At::kPull + j] - m[j] * sums[At::kSquare];
   });
@@ -154,25 +156,28 @@ template <class S, int D, class P, class V>
   unroll<D>([&](auto k) __attribute__((always_inline)) { place[k] = s[k] + m[k]; });
   const P other = image_chi_squared<S, P, D>(a, of_a, linear, least, each, rho_square);
   const auto started = (sums[kFault] == P{}) & is_finite(sums[kSquares]) &
-                       is_well_conditioned<S, P, D>(a, of_a) & (pull + least > P{});
+                       is_well_conditioned<S, P, D>(a, of_a, terms) & (pull + least > P{});
 
   // The start of a descent may have lost digits that an answer needs.
-  constexpr S kGood = S(1) / S(64);
+  constexpr S kGood = S(1) / (S(64) * std::numeric_limits<S>::epsilon());
   const auto precise = started & is_finite(inner<P, D>(place, place)) &
-                       (of_a.determinant > kGood * product_of_diagonal<P, D>(a));
+                       is_well_conditioned<S, P, D>(a, of_a, terms, kGood);
   constexpr S kHopeless = S(400);
   const auto sole = precise & (other > kHopeless);
   return RangeSquares<P, D, std::remove_cv_t<decltype(sole)>>{place,   other,   sums[kSquares],
                                                               started, precise, sole};
 }
 
-/// The first anchor of `ranges`.
+/// The first anchor of `ranges`, of each lane the first that is there.
 template <class P, int D, class V>
 [[nodiscard, gnu::always_inline]] inline Numbers<P, D> first_anchor(const V& ranges) {
-  Numbers<P, D> first;
-  unroll<D>([&](auto k)
-                __attribute__((always_inline)) { first[k] = P{} + ranges[0].anchor[int(k)]; });
-  return first;
+  if constexpr (requires { ranges.first(); }) {
+    return ranges.first();
+  } else {
+    Numbers<P, D> first;
+    unroll<D>([&](auto k) __attribute__((always_inline)) { first[k] = ranges[0].anchor[int(k)]; });
+    return first;
+  }
 }
 
 /// Solves `ranges`, as `range_squares` takes them. O(n·D²), no allocation. Never fails: what the

@@ -87,7 +87,9 @@ template <class S, int D, class P, class V>
   // A = (B, c; cᵀ, d), the bias last.
   Lower<P, D> block;
   Numbers<P, D> border;
+  Numbers<P, D> terms;
   unroll<D>([&](auto j) __attribute__((always_inline)) {
+    terms[j] = sums[lower_index<N>(j, j)];
     border[j] = a[lower_index<N>(D, j)];
     unroll<D - j>([&](auto i) __attribute__((always_inline)) {
       block[lower_index<D>(j + i, j)] = a[lower_index<N>(j + i, j)];
@@ -98,6 +100,9 @@ template <class S, int D, class P, class V>
   Numbers<P, D> share = times<P, D>(of_block.adjugate, border);
   unroll<D>([&](auto k) __attribute__((always_inline)) { share[k] *= inverse; });
   const P pivot = a[kLast] - inner<P, D>(border, share);
+  P pivot_terms = sums[kLast];
+  unroll<D>([&](auto k)
+                __attribute__((always_inline)) { pivot_terms += terms[k] * share[k] * share[k]; });
   Lower<P, N> p;  // A⁻¹
   p[kLast] = S(1) / pivot;
   unroll<D>([&](auto j) __attribute__((always_inline)) {
@@ -150,8 +155,8 @@ template <class S, int D, class P, class V>
                       : back * back * variance / (S(8) * mean_square);
   constexpr S kLittle = S(1024) * std::numeric_limits<S>::epsilon();
   const auto well_formed = (sums[kFault] == P{}) & is_finite(sums[kSquares]) &
-                           is_well_conditioned<S, P, D>(block, of_block) &
-                           (pivot > kLittle * a[kLast]);
+                           is_well_conditioned<S, P, D>(block, of_block, terms) &
+                           (pivot > kLittle * pivot_terms);
   return SquareMinimum<P, N, std::remove_cv_t<decltype(well_formed)>>{minimum, image, worse,
                                                                       sums[kSquares], well_formed};
 }
