@@ -85,10 +85,10 @@ template <class P>
   return a < b ? a : b;
 }
 
-/// Whether x, or each of it, is a finite number.
+/// Whether x, or each of it, is a finite number: an int, or a mask, for use with &.
 template <class P>
 [[nodiscard, gnu::always_inline]] inline auto is_finite(const P& x) {
-  return x - x == P{};
+  return (x - x == P{}) & (x == x);
 }
 
 /// Whether a comparison of two numbers holds, or one of lanes in every lane.

@@ -150,7 +150,7 @@ template <class S, int D, class P, class V>
   // that are negative there on the mean end it.
   const P mean = image[D] + m[D];  // less than zero, where ranges are not
   const P mean_square = each * a[kLast] + mean * mean;
-  const P worse = (mean > P{}) & (mean * mean > S(0.01) * mean_square)
+  const P worse = ((mean > P{}) & (mean * mean > S(0.01) * mean_square))
                       ? P{} + std::numeric_limits<S>::max()
                       : back * back * variance / (S(8) * mean_square);
   constexpr S kLittle = S(1024) * std::numeric_limits<S>::epsilon();
