@@ -98,6 +98,16 @@ Result<Fix<S, D>> tdoa_least_squares(PairSpan<S, D> pairs, const LocateOptions<S
     try_from(relative_to_center(refined_candidate<S, D>(anchors, *roots, i)));
   }
   if (options.prior) try_from(*options.prior - center);
+  // Both roots may have led to one of two images: the other lies across the plane between them.
+  if (first && !second && roots && roots->count == 2) {
+    const Vec<S, D> root = relative_to_center(roots->candidates[0]);
+    const Vec<S, D> between = relative_to_center(roots->candidates[1]) - root;
+    const Vec<S, D> from_middle = first->state - root - between * S(0.5);
+    const S square = squared_norm(between);
+    if (square > S(0)) {
+      try_from(first->state - between * (S(2) * dot(between, from_middle) / square));
+    }
+  }
   if (first && !is_believable(first->chi_squared, freedom)) {
     for (int i = 0; roots && i < roots->count; ++i) {
       try_from(relative_to_center(roots->candidates[i]));
