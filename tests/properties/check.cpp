@@ -31,16 +31,15 @@ rc::Gen<Place> place_in(const rc::Gen<int>& x, const rc::Gen<int>& y, const rc::
 }
 
 rc::Gen<Shape> shapes() {
-  return rc::gen::weightedElement<Shape>({{5, Shape::General},
-                                          {2, Shape::Ceiling},
-                                          {1, Shape::InLine},
-                                          {1, Shape::OnePoint}});
+  return rc::gen::weightedElement<Shape>(
+      {{5, Shape::General}, {2, Shape::Ceiling}, {1, Shape::InLine}, {1, Shape::OnePoint}});
 }
 
 // A room of 20 m × 15 m × 6 m; tags up to 2 m outside it.
 rc::Gen<Scene> scenes() {
   const auto stations = rc::gen::build<Station>(
-      rc::gen::set(&Station::place, place_in(between(0, 20'000), between(0, 15'000), between(0, 6'000))),
+      rc::gen::set(&Station::place,
+                   place_in(between(0, 20'000), between(0, 15'000), between(0, 6'000))),
       rc::gen::set(&Station::sigma, between(20, 200)), rc::gen::set(&Station::noise, around(1732)));
   const auto arm = place_in(around(400), around(400), around(400));
   return rc::gen::build<Scene>(
@@ -70,8 +69,8 @@ rc::Gen<Exchange> exchanges() {
                    rc::gen::container<std::array<int, 2>>(between(12'000, 250'000))),
       rc::gen::set(&Exchange::rates, rc::gen::container<std::array<int, 2>>(around(200))),
       rc::gen::set(&Exchange::noise, rc::gen::container<std::array<int, 6>>(around(20))),
-      rc::gen::set(&Exchange::odd, rc::gen::weightedOneOf<int>({{3, rc::gen::just(0)},
-                                                                {1, between(0, 6)}})),
+      rc::gen::set(&Exchange::odd,
+                   rc::gen::weightedOneOf<int>({{3, rc::gen::just(0)}, {1, between(0, 6)}})),
       rc::gen::set(&Exchange::now, rc::gen::container<std::array<std::uint64_t, 2>>(counter)),
       rc::gen::set(&Exchange::octaves, around(3)), rc::gen::set(&Exchange::delay, around(2'000)));
 }
@@ -89,14 +88,14 @@ void run(const std::string& name, const rc::Gen<T>& drawn,
   params.maxSuccess = 1 + static_cast<int>(share * (params.maxSuccess - 1));
   params.maxDiscardRatio = 100;
   rc::detail::TestListenerAdapter silent;
-  const auto result = rc::detail::checkProperty(
-      rc::detail::toProperty([&] {
-        const T scene = *drawn;
-        const Verdict verdict = property(scene);
-        if (!verdict.decided) RC_DISCARD("says nothing");
-        if (!verdict.fault.empty()) RC_FAIL(verdict.fault);
-      }),
-      metadata, params, silent, configured.reproduce);
+  const auto result = rc::detail::checkProperty(rc::detail::toProperty([&] {
+                                                  const T scene = *drawn;
+                                                  const Verdict verdict = property(scene);
+                                                  if (!verdict.decided) RC_DISCARD("says nothing");
+                                                  if (!verdict.fault.empty())
+                                                    RC_FAIL(verdict.fault);
+                                                }),
+                                                metadata, params, silent, configured.reproduce);
   if (result.template is<rc::detail::SuccessResult>()) {
     CHECK(result.template get<rc::detail::SuccessResult>().numSuccess > 0);
     return;

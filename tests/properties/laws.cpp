@@ -28,8 +28,8 @@ constexpr double kDouble = std::numeric_limits<double>::epsilon();
 // times on its way: squares, differences, sums.
 constexpr double kRounding = 16;
 constexpr int kDraws = 4;
-// Normal equations square the condition of a linear system, which here is up to the room's size over
-// half a metre, and the second of Chan's steps does not show it.
+// Normal equations square the condition of a linear system, which here is up to the room's size
+// over half a metre, and the second of Chan's steps does not show it.
 constexpr double kNormal = 8;
 // Worse conditions are not well-posed.
 constexpr double kWorst = 100;
@@ -226,8 +226,7 @@ Verdict keeps(const Subject& subject, Scene scene, Law law) {
     sim::Random random{static_cast<std::uint64_t>(scene.seed)};
     shuffle(random, q.order);
   } else {
-    motion =
-        motion_of(scene, law, traits.level || subject.dimension == 2, subject.dimension == 2);
+    motion = motion_of(scene, law, traits.level || subject.dimension == 2, subject.dimension == 2);
     move(q, motion);
     if (subject.single) round_to_float(q);
   }
@@ -249,9 +248,10 @@ constexpr const char* kNames[] = {"rotation", "translation", "permutation", "sca
 void check_laws(const Subject& subject) {
   for (int law = 0; law < 5; ++law) {
     if ((subject.traits.laws >> law & 1U) == 0) continue;
-    check(subject.name + ": " + kNames[law],
-          [&](const Scene& scene) { return keeps(subject, scene, static_cast<Law>(law)); },
-          subject.traits.share);
+    check(
+        subject.name + ": " + kNames[law],
+        [&](const Scene& scene) { return keeps(subject, scene, static_cast<Law>(law)); },
+        subject.traits.share);
   }
 }
 
@@ -297,7 +297,8 @@ void check_honesty(const Subject& subject) {
     double sum = 0;
     std::size_t n = 0;
     for (int trial = 0; trial < kTrials; ++trial) {
-      for (Station& s : scene.stations) s.noise = static_cast<int>(std::lround(1000 * random.normal()));
+      for (Station& s : scene.stations)
+        s.noise = static_cast<int>(std::lround(1000 * random.normal()));
       std::optional<Problem> p = subject.make(scene, subject.dimension);
       if (!p) return {.decided = false};
       if (subject.single) round_to_float(*p);

@@ -2,9 +2,9 @@
 #pragma once
 
 /// @file
-/// The laws that every solver keeps: what is done to a problem is done to its answer, and to nothing
-/// else; a problem without an answer keeps its error. Everything here is in double and compiled
-/// once; only the adapters of the test files know scalars and dimensions.
+/// The laws that every solver keeps: what is done to a problem is done to its answer, and to
+/// nothing else; a problem without an answer keeps its error. Everything here is in double and
+/// compiled once; only the adapters of the test files know scalars and dimensions.
 ///
 /// **Tolerance.** Two ways of rounding end within ε · L · κ of each other, for lengths up to L and
 /// an answer of condition κ. κ is measured: the same problem is solved in double with its
@@ -27,19 +27,19 @@ using Point = Vec<double, 3>;
 
 /// What a solver is given, in metres.
 struct Problem {
-  std::vector<Point> places;                      ///< of stations
-  std::vector<Mat<double, 3>> turns;              ///< axes of frames
-  std::vector<Point> body;                        ///< places in a frame of their own
-  std::vector<double> angles;                     ///< headings
-  std::vector<double> values;                     ///< what was measured
-  std::vector<double> sigmas;                     ///< of it
-  std::vector<std::size_t> order;                 ///< in which the measurements come
-  Point tag = Point::Zero();                      ///< the truth
-  Point side = Point::Zero();                     ///< a direction that is known
-  bool flat = false;                              ///< the stations do not span the space
-  double unit = 1;                                ///< what an option of one metre is now
-  double squares = 1;                             ///< rounding of squared lengths over lengths
-  double second = 0;                              ///< (σ/r)² of the nearest: what squares leave out
+  std::vector<Point> places;          ///< of stations
+  std::vector<Mat<double, 3>> turns;  ///< axes of frames
+  std::vector<Point> body;            ///< places in a frame of their own
+  std::vector<double> angles;         ///< headings
+  std::vector<double> values;         ///< what was measured
+  std::vector<double> sigmas;         ///< of it
+  std::vector<std::size_t> order;     ///< in which the measurements come
+  Point tag = Point::Zero();          ///< the truth
+  Point side = Point::Zero();         ///< a direction that is known
+  bool flat = false;                  ///< the stations do not span the space
+  double unit = 1;                    ///< what an option of one metre is now
+  double squares = 1;                 ///< rounding of squared lengths over lengths
+  double second = 0;                  ///< (σ/r)² of the nearest: what squares leave out
 };
 
 /// How a quantity follows a motion: a place, what turns as a vector or on both sides, a number, an
@@ -50,11 +50,11 @@ enum class Kind { Place, Vector, Tensor, Number, Angle };
 struct Quantity {
   const char* name;
   Kind kind;
-  int length;           ///< it grows with this power of the lengths
-  int noise;            ///< and with this one of the sigmas alone
-  Mat<double, 3> value; ///< the first column, or element, of what is less
-  double slack = 0;     ///< what the iteration may leave undone
-  double condition = 1; ///< how much of ε its own arithmetic may cost, over its size
+  int length;            ///< it grows with this power of the lengths
+  int noise;             ///< and with this one of the sigmas alone
+  Mat<double, 3> value;  ///< the first column, or element, of what is less
+  double slack = 0;      ///< what the iteration may leave undone
+  double condition = 1;  ///< how much of ε its own arithmetic may cost, over its size
 };
 
 /// What came out.
@@ -72,7 +72,6 @@ inline constexpr unsigned kAllLaws = 31;
 constexpr unsigned but(Law law, unsigned laws = kAllLaws) {
   return laws & ~(1U << static_cast<unsigned>(law));
 }
-
 
 /// What is particular about a solver.
 struct Traits {
@@ -106,17 +105,17 @@ void check_honesty(const Subject& subject);
 /// `check_laws`, and `check_honesty` where it is honest, of `How::solve<S, D>` in the dimensions
 /// `First` to `Last`, float and double.
 template <class How, int First = 2, int Last = 3>
-void check_all(const std::string& name,
-               std::optional<Problem> (*make)(const Scene&, int), const Traits& traits = {}) {
+void check_all(const std::string& name, std::optional<Problem> (*make)(const Scene&, int),
+               const Traits& traits = {}) {
   const auto one = [&]<class S, int D>() {
-    const Subject subject{name + (sizeof(S) == 4 ? ", float, " : ", double, ") + std::to_string(D) +
-                              "-D",
-                          D,
-                          sizeof(S) == 4,
-                          make,
-                          How::template solve<S, D>,
-                          How::template solve<double, D>,
-                          traits};
+    const Subject subject{
+        name + (sizeof(S) == 4 ? ", float, " : ", double, ") + std::to_string(D) + "-D",
+        D,
+        sizeof(S) == 4,
+        make,
+        How::template solve<S, D>,
+        How::template solve<double, D>,
+        traits};
     check_laws(subject);
     if (traits.honest) check_honesty(subject);
   };

@@ -35,14 +35,14 @@ struct Scene {
   int count;
   Shape shape;
   Place tag;
-  int heading;                 ///< [mrad]
-  std::vector<Place> arms;     ///< of the tags on a body, four
-  int tags;                    ///< how many of them are there
-  std::array<int, 4> turn;     ///< a quaternion of any length; zero: no turn
-  Place shift;                 ///< [mm]
-  int octaves;                 ///< lengths grow by 2^octaves
-  int noisier;                 ///< sigmas grow by 2^noisier
-  int seed;                    ///< of a permutation, of noise
+  int heading;              ///< [mrad]
+  std::vector<Place> arms;  ///< of the tags on a body, four
+  int tags;                 ///< how many of them are there
+  std::array<int, 4> turn;  ///< a quaternion of any length; zero: no turn
+  Place shift;              ///< [mm]
+  int octaves;              ///< lengths grow by 2^octaves
+  int noisier;              ///< sigmas grow by 2^noisier
+  int seed;                 ///< of a permutation, of noise
 };
 
 std::ostream& operator<<(std::ostream& out, const Scene& scene);
@@ -61,8 +61,8 @@ struct Exchange {
 
 std::ostream& operator<<(std::ostream& out, const Exchange& exchange);
 
-/// Whether a property holds for one scene; `fault` says why not. Of a scene that is not `decided` it
-/// says nothing.
+/// Whether a property holds for one scene; `fault` says why not. Of a scene that is not `decided`
+/// it says nothing.
 struct Verdict {
   bool decided = true;
   std::string fault = {};

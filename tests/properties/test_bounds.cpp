@@ -44,8 +44,8 @@ Result<Answer> dilutions(const Result<Dop<S>>& dop) {
   // Of directions, with conditions up to GDOP² times their number.
   const auto gdop = static_cast<double>(dop->gdop);
   const auto add = [&](const char* name, S value) {
-    answer.quantities.push_back({name, Kind::Number, 0, 0,
-                                 test::padded(static_cast<double>(value)), 0, 12 * gdop * gdop});
+    answer.quantities.push_back(
+        {name, Kind::Number, 0, 0, test::padded(static_cast<double>(value)), 0, 12 * gdop * gdop});
   };
   add("gdop", dop->gdop);
   add("pdop", dop->pdop);
@@ -145,7 +145,8 @@ TEST_CASE_TEMPLATE("horizontal ranges scale, and know heights by their differenc
     const Measured<S> slant{static_cast<S>(scene.tag.x) / 1000, sigma * sigma};
     const auto plain = horizontal_range(slant, high, low);
     if (!same(plain, horizontal_range(slant, low, high))) return {.fault = "exchanged"};
-    if (!same(plain, horizontal_range<S>(slant, high + lift, low + lift))) return {.fault = "lifted"};
+    if (!same(plain, horizontal_range<S>(slant, high + lift, low + lift)))
+      return {.fault = "lifted"};
     const S scale = std::ldexp(S(1), scene.octaves);
     const Measured<S> longer{slant.value * scale, slant.variance * scale * scale};
     if (!same<S>(plain, horizontal_range<S>(longer, high * scale, low * scale), scale)) {
@@ -153,8 +154,10 @@ TEST_CASE_TEMPLATE("horizontal ranges scale, and know heights by their differenc
     }
     // At the foot of the anchor the variance is no longer the square of sigma.
     const S noise = std::ldexp(S(1), scene.noisier);
-    const auto noisier = horizontal_range<S>({slant.value, slant.variance * noise * noise}, high, low);
-    const bool foot = plain && plain->value < 4 * std::sqrt(slant.value * sigma * std::max(noise, S(1)));
+    const auto noisier =
+        horizontal_range<S>({slant.value, slant.variance * noise * noise}, high, low);
+    const bool foot =
+        plain && plain->value < 4 * std::sqrt(slant.value * sigma * std::max(noise, S(1)));
     if (foot ? noisier->value != plain->value : !same<S>(plain, noisier, 1, noise)) {
       return {.fault = "noisier"};
     }

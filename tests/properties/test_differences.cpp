@@ -23,8 +23,8 @@ template <class S, int D>
 std::vector<RangeTo<S, D>> pseudoranges_of(const Problem& p) {
   std::vector<RangeTo<S, D>> all;
   for (const std::size_t i : p.order) {
-    all.push_back({test::as<S, D>(p.places[i]), static_cast<S>(p.values[i]),
-                   static_cast<S>(p.sigmas[i])});
+    all.push_back(
+        {test::as<S, D>(p.places[i]), static_cast<S>(p.values[i]), static_cast<S>(p.sigmas[i])});
   }
   return all;
 }
@@ -60,8 +60,8 @@ std::optional<Problem> make(const Scene& scene, int dimension) {
 // Values are differences round a ring of stations, each with its own noise.
 std::optional<Problem> make_ring(const Scene& scene, int dimension) {
   // Hundreds of descents find out that there is none: now and then.
-  const bool hopeless = scene.shape == test::Shape::InLine || scene.shape == test::Shape::OnePoint ||
-                        scene.count <= dimension;
+  const bool hopeless = scene.shape == test::Shape::InLine ||
+                        scene.shape == test::Shape::OnePoint || scene.count <= dimension;
   if (hopeless && scene.seed % 8 != 0) return std::nullopt;
   Scene sound = scene;
   sound.seed |= 32;
@@ -72,8 +72,8 @@ std::optional<Problem> make_ring(const Scene& scene, int dimension) {
     const test::Point& a = p->places[i];
     const test::Point& b = p->places[(i + 1) % n];
     p->sigmas[i] = scene.stations[i].sigma / 1000.0;
-    p->values[i] = (p->tag - b).norm() - (p->tag - a).norm() +
-                   test::noise_of(scene, i) * p->sigmas[i];
+    p->values[i] =
+        (p->tag - b).norm() - (p->tag - a).norm() + test::noise_of(scene, i) * p->sigmas[i];
   }
   if (scene.seed % 64 == 1) p->values[0] = std::numeric_limits<double>::quiet_NaN();
   if (scene.seed % 64 == 2) p->sigmas[0] = 0;
@@ -165,8 +165,8 @@ struct CommonBias {
     answer.quantities.push_back(
         {"variance of the bias", Kind::Number, 2, 2, test::padded(variance), slack, condition});
     const Vec<S, D> mixed = fix->covariance.template topRightCorner<D, 1>();
-    answer.quantities.push_back({"covariance with the bias", Kind::Vector, 2, 2,
-                                 test::padded(mixed), slack, condition});
+    answer.quantities.push_back(
+        {"covariance with the bias", Kind::Vector, 2, 2, test::padded(mixed), slack, condition});
     return answer;
   }
 };

@@ -71,8 +71,8 @@ struct Fit {
   static Result<Answer> solve(const Problem& p) {
     std::vector<SharedPoint<S, D>> points;
     for (const std::size_t i : p.order) {
-      points.push_back({test::as<S, D>(p.body[i]), test::as<S, D>(p.places[i]),
-                        static_cast<S>(p.sigmas[i])});
+      points.push_back(
+          {test::as<S, D>(p.body[i]), test::as<S, D>(p.places[i]), static_cast<S>(p.sigmas[i])});
     }
     const auto fit = fit_transform(points);
     if (!fit) return std::unexpected(fit.error());
@@ -159,7 +159,8 @@ struct Fuse {
       map_T_subnet.rotation = p.turns[i].topLeftCorner<D, D>().template cast<S>();
       map_T_subnet.translation = test::as<S, D>(p.places[i]);
       map_T_subnet.covariance.template topLeftCorner<D, D>().diagonal().setConstant(sigma * sigma);
-      map_T_subnet.covariance.template bottomRightCorner<K, K>().diagonal().setConstant(turn * turn);
+      map_T_subnet.covariance.template bottomRightCorner<K, K>().diagonal().setConstant(turn *
+                                                                                        turn);
       const auto id = static_cast<std::uint32_t>(i + 1);
       if (const auto added = subnets.add({id, id, map_T_subnet}); !added) {
         return std::unexpected(added.error());
@@ -183,7 +184,7 @@ struct Fuse {
     double squares = 0;
     double weights = 0;
     for (const double sigma : p.sigmas) {
-      squares += 4 * sigma * sigma;
+      squares += 16 * sigma * sigma;  // at the end of its arm
       weights += 1 / (sigma * sigma);
     }
     answer.quantities[1].condition = squares * weights;

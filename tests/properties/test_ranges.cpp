@@ -23,8 +23,8 @@ template <class S, int D>
 std::vector<RangeTo<S, D>> ranges_of(const Problem& p) {
   std::vector<RangeTo<S, D>> ranges;
   for (const std::size_t i : p.order) {
-    ranges.push_back({test::as<S, D>(p.places[i]), static_cast<S>(p.values[i]),
-                      static_cast<S>(p.sigmas[i])});
+    ranges.push_back(
+        {test::as<S, D>(p.places[i]), static_cast<S>(p.values[i]), static_cast<S>(p.sigmas[i])});
   }
   return ranges;
 }
@@ -94,11 +94,12 @@ struct Excluding {
     const auto found = locate_excluding(ranges_of<S, D>(p), options_of<S, D>(p));
     if (!found) return std::unexpected(found.error());
     Answer answer = test::fix_answer(found->fix, p);
-    answer.quantities.push_back({"consistent", test::Kind::Number, 0, 0,
-                                 test::padded(found->consistent ? 1 : 0)});
+    answer.quantities.push_back(
+        {"consistent", test::Kind::Number, 0, 0, test::padded(found->consistent ? 1 : 0)});
     double excluded = 0;
     for (std::size_t k = 0; k < p.order.size(); ++k) {
-      if ((found->excluded >> k & 1U) != 0) excluded += std::ldexp(1.0, static_cast<int>(p.order[k]));
+      if ((found->excluded >> k & 1U) != 0)
+        excluded += std::ldexp(1.0, static_cast<int>(p.order[k]));
     }
     answer.quantities.push_back({"excluded", test::Kind::Number, 0, 0, test::padded(excluded)});
     return answer;

@@ -29,8 +29,7 @@ std::optional<Problem> make(const Scene& scene, int dimension) {
   for (std::size_t i = 0; i < p->places.size(); ++i) {
     p->places[i] /= 10;
     p->sigmas[i] = scene.stations[0].sigma * 1e-6;
-    p->values[i] =
-        (p->tag - p->places[i]).norm() + lag + test::noise_of(scene, i) * p->sigmas[i];
+    p->values[i] = (p->tag - p->places[i]).norm() + lag + test::noise_of(scene, i) * p->sigmas[i];
   }
   if (scene.count > dimension + 2 && scene.seed % 3 == 0) p->values[0] += kWave;
   return p;
@@ -50,10 +49,10 @@ struct Fsri {
     options.sigma = static_cast<S>(p.sigmas[0]);
     const auto shot = fsri(receivers, lengths, options);
     if (!shot) return std::unexpected(shot.error());
-    Answer answer = test::fix_answer(
-        Fix<S, D>{shot->position, shot->covariance.template topLeftCorner<D, D>(),
-                  shot->chi_squared, shot->degrees_of_freedom},
-        p);
+    Answer answer =
+        test::fix_answer(Fix<S, D>{shot->position, shot->covariance.template topLeftCorner<D, D>(),
+                                   shot->chi_squared, shot->degrees_of_freedom},
+                         p);
     const auto variance = static_cast<double>(shot->covariance(D, D));
     answer.quantities.push_back({"lag", Kind::Number, 1, 0,
                                  test::padded(static_cast<double>(shot->lag)),
@@ -63,7 +62,8 @@ struct Fsri {
       repairs += (shot->repair[k] + 8) * std::pow(17.0, static_cast<double>(p.order[k]));
     }
     answer.quantities.push_back({"repairs", Kind::Number, 0, 0, test::padded(repairs)});
-    answer.quantities.push_back({"ambiguous", Kind::Number, 0, 0, test::padded(shot->ambiguous ? 1 : 0)});
+    answer.quantities.push_back(
+        {"ambiguous", Kind::Number, 0, 0, test::padded(shot->ambiguous ? 1 : 0)});
     return answer;
   }
 };
