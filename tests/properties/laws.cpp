@@ -30,7 +30,7 @@ constexpr double kRounding = 16;
 constexpr int kDraws = 4;
 // Normal equations square the condition of a linear system, which here is up to the room's size
 // over half a metre, and the second of Chan's steps does not show it.
-constexpr double kNormal = 8;
+constexpr double kNormal = 32;
 // Worse conditions are not well-posed.
 constexpr double kWorst = 100;
 
