@@ -5,7 +5,9 @@
 // updates.
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include <Eigen/Dense>
 #include <benchmark/benchmark.h>
@@ -13,6 +15,7 @@
 #include <uwbpos/filter/kalman.hpp>
 #include <uwbpos/filter/motion/constant_velocity.hpp>
 #include <uwbpos/filter/motion/inertial.hpp>
+#include <uwbpos/filter/motion/planar_body.hpp>
 #include <uwbpos/filter/motion/planar_robot.hpp>
 #include <uwbpos/filter/tracker.hpp>
 #include <uwbpos/sim/noise.hpp>
@@ -43,15 +46,25 @@ Vec<S, D> direction(sim::Random& random) {
   return (v / v.norm()).template cast<S>();
 }
 
+// Directions from which something is measured.
+template <class S, int M>
+std::vector<Vec<S, M>> rows() {
+  sim::Random random{"rows"};
+  std::vector<Vec<S, M>> all(256);
+  for (auto& row : all) row = direction<S, M>(random);
+  return all;
+}
+
 template <class S, int N>
 void dense_joseph(benchmark::State& state) {
-  sim::Random random{"joseph"};
+  const auto all = rows<S, 3>();
   Mat<S, N> p = Mat<S, N>::Identity();
   Vec<S, N> x = Vec<S, N>::Zero();
   Eigen::Matrix<S, 1, N> h = Eigen::Matrix<S, 1, N>::Zero();
-  h.template leftCols<3>() = direction<S, 3>(random).transpose();
   const S r = S(1);
+  std::size_t i = 0;
   for (auto _ : state) {
+    h.template leftCols<3>() = all[i++ % all.size()].transpose();
     const Vec<S, N> ph = p * h.transpose();
     const S s = (h * ph)(0) + r;
     const Vec<S, N> k = ph / s;
@@ -61,24 +74,29 @@ void dense_joseph(benchmark::State& state) {
     benchmark::DoNotOptimize(p);
     benchmark::DoNotOptimize(x);
   }
+  state.SetItemsProcessed(state.iterations());
 }
 BENCHMARK(dense_joseph<float, 6>);
+BENCHMARK(dense_joseph<double, 6>);
 BENCHMARK(dense_joseph<float, 9>);
 BENCHMARK(dense_joseph<double, 9>);
 
 template <class S, int N, int M>
 void sparse_update(benchmark::State& state) {
-  sim::Random random{"sparse"};
+  const auto all = rows<S, M>();
   KalmanFilter<S, N> filter{Vec<S, N>::Zero(), FactoredCovariance<S, N>{Vec<S, N>::Ones()}};
-  const Vec<S, M> row = direction<S, M>(random);
+  std::size_t i = 0;
   for (auto _ : state) {
-    benchmark::DoNotOptimize(filter.update(S(0.01), row, S(1)));
+    benchmark::DoNotOptimize(filter.update(S(0.01), all[i++ % all.size()], S(1)));
     benchmark::DoNotOptimize(filter);
   }
+  state.SetItemsProcessed(state.iterations());
 }
 BENCHMARK(sparse_update<float, 6, 3>);
+BENCHMARK(sparse_update<double, 6, 3>);
 BENCHMARK(sparse_update<float, 9, 3>);
 BENCHMARK(sparse_update<double, 9, 3>);
+BENCHMARK(sparse_update<float, 15, 6>);
 BENCHMARK(sparse_update<double, 15, 6>);
 
 template <class Motion>
@@ -91,12 +109,20 @@ void step_of_time(benchmark::State& state) {
     advance(track, model, track.time + 5'000);
     benchmark::DoNotOptimize(track);
   }
+  state.SetItemsProcessed(state.iterations());
 }
-BENCHMARK(step_of_time<ConstantVelocity<float, 2>>);
-BENCHMARK(step_of_time<ConstantVelocity<float, 3>>);
-BENCHMARK(step_of_time<PlanarRobot<float>>);
-BENCHMARK(step_of_time<Inertial<float>>);
-BENCHMARK(step_of_time<Inertial<double>>);
+#define OF_EACH_MOTION(name)                    \
+  BENCHMARK(name<ConstantVelocity<float, 2>>);  \
+  BENCHMARK(name<ConstantVelocity<double, 2>>); \
+  BENCHMARK(name<ConstantVelocity<float, 3>>);  \
+  BENCHMARK(name<ConstantVelocity<double, 3>>); \
+  BENCHMARK(name<PlanarRobot<float>>);          \
+  BENCHMARK(name<PlanarRobot<double>>);         \
+  BENCHMARK(name<PlanarBody<float>>);           \
+  BENCHMARK(name<PlanarBody<double>>);          \
+  BENCHMARK(name<Inertial<float>>);             \
+  BENCHMARK(name<Inertial<double>>)
+OF_EACH_MOTION(step_of_time);
 
 // A range every 5 ms from eight anchors, all of a tracker's work.
 template <class Motion>
@@ -121,13 +147,10 @@ void tracked_range(benchmark::State& state) {
     id = (id + 1) % 8;
   }
   state.counters["bytes"] = sizeof(tracker);
-  state.counters["used"] = tracker.counters().used();
+  state.counters["used"] = tracker.counters().used() / static_cast<double>(state.iterations());
+  state.SetItemsProcessed(state.iterations());
 }
-BENCHMARK(tracked_range<ConstantVelocity<float, 2>>);
-BENCHMARK(tracked_range<ConstantVelocity<float, 3>>);
-BENCHMARK(tracked_range<ConstantVelocity<double, 3>>);
-BENCHMARK(tracked_range<PlanarRobot<float>>);
-BENCHMARK(tracked_range<Inertial<float>>);
+OF_EACH_MOTION(tracked_range);
 
 void ten_million_updates(benchmark::State& state) {
   for (auto _ : state) {

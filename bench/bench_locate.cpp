@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Cost of one position from ranges, for each solver, beside the way it is commonly written: an
-// iteration from the anchors' mean with Eigen's dynamic matrices. Ratios are what to read; the
-// column `rms_m` shows that the answers are the same.
+// iteration from the anchors' mean with Eigen's dynamic matrices. And of what tells how good a
+// position can be.
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -10,63 +10,17 @@
 #include <benchmark/benchmark.h>
 
 #include <uwbpos/accuracy/dop.hpp>
-#include <uwbpos/sim/noise.hpp>
+#include <uwbpos/geometry/height.hpp>
+#include <uwbpos/solve/exclude_outliers.hpp>
 #include <uwbpos/solve/locate.hpp>
 #include <uwbpos/solve/toa_chan.hpp>
 #include <uwbpos/solve/toa_linear.hpp>
 
+#include "scenes.hpp"
+
 namespace {
 
-using namespace uwbpos;
-
-constexpr std::size_t kCount = 1024;
-
-template <class S, int D>
-struct Snapshot {
-  Vec<S, D> tag;
-  std::vector<RangeTo<S, D>> ranges;
-};
-
-// Eight anchors (four in the plane) around a hall of 20 m × 15 m, tags anywhere in it, σ = 0.1 m.
-template <class S, int D>
-std::vector<Snapshot<S, D>> snapshots(bool flat = false) {
-  sim::Random random{"bench locate"};
-  std::vector<Snapshot<S, D>> all(kCount);
-  for (auto& snapshot : all) {
-    const double tag[3] = {random.uniform(0, 20), random.uniform(0, 15), random.uniform(0, 2)};
-    for (int k = 0; k < D; ++k) snapshot.tag[k] = static_cast<S>(tag[k]);
-    for (int i = 0; i < (D == 2 ? 4 : 8); ++i) {
-      const double height = flat || (i & 4) != 0 ? 3 : 0.5;
-      const double place[3] = {((i & 1) ^ (i >> 1 & 1)) != 0 ? 20.0 : 0.0,
-                               (i & 2) != 0 ? 15.0 : 0.0, height};
-      RangeTo<S, D> r{};
-      for (int k = 0; k < D; ++k)
-        r.anchor[k] = static_cast<S>(place[k] + random.normal(0, flat && k == 2 ? 0 : 0.3));
-      r.range = (snapshot.tag - r.anchor).norm() + static_cast<S>(random.normal(0, 0.1));
-      if (r.range < 0) r.range = 0;
-      r.sigma = S(0.1);
-      snapshot.ranges.push_back(r);
-    }
-  }
-  return all;
-}
-
-template <class S, int D, class Solve>
-void run(benchmark::State& state, const std::vector<Snapshot<S, D>>& all, const Solve& solve) {
-  std::size_t i = 0;
-  for (auto _ : state) benchmark::DoNotOptimize(solve(all[i++ % kCount].ranges));
-  double squares = 0;
-  std::size_t solved = 0;
-  for (const auto& snapshot : all) {
-    if (const auto fix = solve(snapshot.ranges)) {
-      squares += static_cast<double>((fix->position - snapshot.tag).squaredNorm());
-      ++solved;
-    }
-  }
-  state.counters["rms_m"] = std::sqrt(squares / static_cast<double>(solved));
-  state.counters["refused"] = static_cast<double>(kCount - solved);
-  state.SetItemsProcessed(state.iterations());
-}
+using namespace benches;
 
 // The common way: from the mean of the anchors until the step is small, everything allocated.
 template <class S, int D>
@@ -102,74 +56,131 @@ Result<Fix<S, D>> textbook(const std::vector<RangeTo<S, D>>& ranges) {
 
 template <class S, int D>
 void textbook_gauss_newton(benchmark::State& state) {
-  run(state, snapshots<S, D>(), [](const auto& r) { return textbook<S, D>(r); });
+  solve_all(state, epochs<S, D>(static_cast<int>(state.range(0))),
+            [](const auto& e) { return textbook<S, D>(e.ranges); });
 }
-BENCHMARK(textbook_gauss_newton<double, 2>);
-BENCHMARK(textbook_gauss_newton<double, 3>);
+BENCHMARK(textbook_gauss_newton<double, 2>)->Apply(by_anchors<4>);
+BENCHMARK(textbook_gauss_newton<double, 3>)->Apply(by_anchors<4>);
 
 template <class S, int D>
-void locate_spanned(benchmark::State& state) {
-  run(state, snapshots<S, D>(), [](const auto& r) { return locate(r); });
+void locate(benchmark::State& state) {
+  solve_all(state, epochs<S, D>(static_cast<int>(state.range(0))),
+            [](const auto& e) { return uwbpos::locate(e.ranges); });
 }
-BENCHMARK(locate_spanned<float, 2>);
-BENCHMARK(locate_spanned<double, 2>);
-BENCHMARK(locate_spanned<float, 3>);
-BENCHMARK(locate_spanned<double, 3>);
+BENCHMARK(locate<float, 2>)->Apply(by_anchors<3>);
+BENCHMARK(locate<double, 2>)->Apply(by_anchors<3>);
+BENCHMARK(locate<float, 3>)->Apply(by_anchors<4>);
+BENCHMARK(locate<double, 3>)->Apply(by_anchors<4>);
 
 template <class S>
-void locate_ceiling(benchmark::State& state) {
-  run(state, snapshots<S, 3>(true), [](const auto& r) { return locate(r, {.side = {0, 0, -1}}); });
+void locate_below_ceiling(benchmark::State& state) {
+  solve_all(state, epochs<S, 3>(static_cast<int>(state.range(0)), 0, true),
+            [](const auto& e) { return uwbpos::locate(e.ranges, {.side = {0, 0, -1}}); });
 }
-BENCHMARK(locate_ceiling<float>);
-BENCHMARK(locate_ceiling<double>);
+BENCHMARK(locate_below_ceiling<float>)->Apply(by_anchors<3>);
+BENCHMARK(locate_below_ceiling<double>)->Apply(by_anchors<3>);
 
-template <class S>
+template <class S, int D>
 void least_squares(benchmark::State& state) {
-  run(state, snapshots<S, 3>(), [](const auto& r) { return toa_least_squares(r); });
+  solve_all(state, epochs<S, D>(static_cast<int>(state.range(0))),
+            [](const auto& e) { return toa_least_squares(e.ranges); });
 }
-BENCHMARK(least_squares<float>);
-BENCHMARK(least_squares<double>);
+BENCHMARK(least_squares<float, 2>)->Apply(by_anchors<3>);
+BENCHMARK(least_squares<double, 2>)->Apply(by_anchors<3>);
+BENCHMARK(least_squares<float, 3>)->Apply(by_anchors<4>);
+BENCHMARK(least_squares<double, 3>)->Apply(by_anchors<4>);
 
-template <class S>
+template <class S, int D>
 void chan(benchmark::State& state) {
-  run(state, snapshots<S, 3>(), [](const auto& r) { return toa_chan(r); });
+  solve_all(state, epochs<S, D>(static_cast<int>(state.range(0))),
+            [](const auto& e) { return toa_chan(e.ranges); });
 }
-BENCHMARK(chan<float>);
-BENCHMARK(chan<double>);
+BENCHMARK(chan<float, 3>)->Apply(by_anchors<4>);
+BENCHMARK(chan<double, 3>)->Apply(by_anchors<4>);
 
-template <class S>
+template <class S, int D>
 void linear(benchmark::State& state) {
-  run(state, snapshots<S, 3>(), [](const auto& r) { return toa_linear(r); });
+  solve_all(state, epochs<S, D>(static_cast<int>(state.range(0))),
+            [](const auto& e) { return toa_linear(e.ranges); });
 }
-BENCHMARK(linear<float>);
-BENCHMARK(linear<double>);
+BENCHMARK(linear<float, 3>)->Apply(by_anchors<4>);
+BENCHMARK(linear<double, 3>)->Apply(by_anchors<4>);
 
-template <class S>
+// Of its two images the one nearer to the tag.
+template <class S, int D>
 void closed_form(benchmark::State& state) {
-  const auto all = snapshots<S, 3>();
-  std::size_t i = 0;
-  for (auto _ : state) benchmark::DoNotOptimize(toa_closed_form(all[i++ % kCount].ranges));
-  state.SetItemsProcessed(state.iterations());
+  struct Nearer {
+    Vec<S, D> position;
+  };
+  solve_all(
+      state, epochs<S, D>(static_cast<int>(state.range(0))), [](const auto& e) -> Result<Nearer> {
+        const auto images = toa_closed_form(e.ranges);
+        if (!images) return std::unexpected(images.error());
+        const bool first =
+            squared_norm<S, D>(images->first - e.tag) <= squared_norm<S, D>(images->second - e.tag);
+        return Nearer{first ? images->first : images->second};
+      });
 }
-BENCHMARK(closed_form<float>);
-BENCHMARK(closed_form<double>);
+BENCHMARK(closed_form<float, 2>)->Apply(by_anchors<3>);
+BENCHMARK(closed_form<double, 2>)->Apply(by_anchors<3>);
+BENCHMARK(closed_form<float, 3>)->Apply(by_anchors<3>);
+BENCHMARK(closed_form<double, 3>)->Apply(by_anchors<3>);
+
+// One range is 2 m too long; the bound is that of all of them, were they good. Tries each: O(n²).
+template <class S, int D>
+void locate_without_outlier(benchmark::State& state) {
+  auto all = epochs<S, D>(static_cast<int>(state.range(0)));
+  sim::Random random{"bench outliers"};
+  for (auto& e : all) {
+    e.ranges[static_cast<std::size_t>(random.integer(0, static_cast<int>(state.range(0)) - 1))]
+        .range += S(2);
+  }
+  solve_all(state, all, [](const auto& e) -> Result<Fix<S, D>> {
+    const auto found = locate_excluding(e.ranges);
+    if (!found) return std::unexpected(found.error());
+    return found->fix;
+  });
+}
+BENCHMARK(locate_without_outlier<float, 3>)->Apply(by_anchors<8>)->Complexity(benchmark::oNSquared);
+BENCHMARK(locate_without_outlier<double, 3>)
+    ->Apply(by_anchors<8>)
+    ->Complexity(benchmark::oNSquared);
+
+template <class S, int D>
+void dilution(benchmark::State& state) {
+  struct Seen {
+    std::vector<Vec<S, D>> anchors;
+    Vec<S, D> tag;
+  };
+  std::vector<Seen> all;
+  for (const auto& e : epochs<S, D>(static_cast<int>(state.range(0)))) {
+    all.push_back({{}, e.tag});
+    for (const auto& r : e.ranges) all.back().anchors.push_back(r.anchor);
+  }
+  take_time(state, all, [](const Seen& s) { return range_dop(s.anchors, s.tag); });
+  state.SetComplexityN(state.range(0));
+}
+BENCHMARK(dilution<float, 3>)->Apply(by_anchors<4>);
+BENCHMARK(dilution<double, 3>)->Apply(by_anchors<4>);
+
+template <class S, int D>
+void bound(benchmark::State& state) {
+  take_time(state, epochs<S, D>(static_cast<int>(state.range(0))),
+            [](const auto& e) { return cramer_rao_bound(e.ranges, e.tag); });
+  state.SetComplexityN(state.range(0));
+}
+BENCHMARK(bound<float, 3>)->Apply(by_anchors<4>);
+BENCHMARK(bound<double, 3>)->Apply(by_anchors<4>);
 
 template <class S>
-void dilution(benchmark::State& state) {
-  std::vector<std::vector<Vec<S, 3>>> anchors;
-  const auto all = snapshots<S, 3>();
-  for (const auto& snapshot : all) {
-    anchors.emplace_back();
-    for (const auto& r : snapshot.ranges) anchors.back().push_back(r.anchor);
-  }
-  std::size_t i = 0;
-  for (auto _ : state) {
-    benchmark::DoNotOptimize(range_dop(anchors[i % kCount], all[i % kCount].tag));
-    ++i;
-  }
-  state.SetItemsProcessed(state.iterations());
+void height_projection(benchmark::State& state) {
+  const auto all = epochs<S, 3>(4);
+  take_time(state, all, [](const auto& e) {
+    return horizontal_range<S>({e.ranges[0].range, S(kSigma * kSigma)}, e.ranges[0].anchor[2],
+                               e.tag[2]);
+  });
 }
-BENCHMARK(dilution<float>);
-BENCHMARK(dilution<double>);
+BENCHMARK(height_projection<float>);
+BENCHMARK(height_projection<double>);
 
 }  // namespace

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Cost of a pose: all ranges at once, with and without a robust loss, beside a fix per tag and the
-// arctangent. The columns `rms_m` and `rms_deg` show what each makes of the same ranges.
+// arctangent; what is made of poses, and the bound. `error_over_bound` is the position's,
+// `heading_over_bound` the heading's.
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -10,125 +11,146 @@
 #include <uwbpos/pose/target.hpp>
 #include <uwbpos/pose/twist.hpp>
 #include <uwbpos/pose/two_tag.hpp>
-#include <uwbpos/sim/noise.hpp>
 #include <uwbpos/solve/locate.hpp>
 #include <uwbpos/solve/pose_from_ranges.hpp>
 
+#include "scenes.hpp"
+
 namespace {
 
-using namespace uwbpos;
+using namespace benches;
 
-constexpr std::size_t kCount = 1024;
-constexpr double kBaseline = 0.6;
+template <class S, int D, class Solve>
+void solve_poses(benchmark::State& state, const std::vector<Body<S, D>>& all, const Solve& solve) {
+  take_time(state, all, solve);
+  double squares = 0;
+  double turns = 0;
+  double bounds = 0;
+  double turn_bounds = 0;
+  double refused = 0;
+  for (const auto& body : all) {
+    if (const auto pose = solve(body)) {
+      squares += static_cast<double>(squared_norm<S, D>(pose->position - body.position));
+      const auto turn = static_cast<double>(angle_difference(pose->heading, body.heading));
+      turns += turn * turn;
+      bounds += body.bound;
+      turn_bounds += body.heading_bound;
+    } else {
+      ++refused;
+    }
+  }
+  state.counters["error_over_bound"] = std::sqrt(squares / bounds);
+  state.counters["heading_over_bound"] = std::sqrt(turns / turn_bounds);
+  state.counters["refused"] = refused / static_cast<double>(all.size());
+  state.SetComplexityN(state.range(0));
+}
 
-template <class S, int D>
-struct Snapshot {
-  Vec<S, D> position;
-  S heading;
-  std::vector<TagRange<S, D>> ranges;  // tag by tag
+/// Up to what 64 ranges of two tags allow.
+void by_anchors_of_two_tags(benchmark::internal::Benchmark* bench) {
+  bench->ArgName("anchors")->Arg(4)->Arg(8)->Arg(16)->Arg(32)->Complexity(benchmark::oN);
+}
+
+template <class S, int D, Loss Kind = Loss::Squares>
+void pose(benchmark::State& state) {
+  const PoseOptions<S, D> options{.robust = {Kind}};
+  solve_poses(state, bodies<S, D>(2, static_cast<int>(state.range(0))),
+              [&](const auto& b) { return pose_from_ranges(b.ranges, options); });
+}
+BENCHMARK(pose<float, 2>)->ArgName("anchors")->Arg(3)->Apply(by_anchors_of_two_tags);
+BENCHMARK(pose<double, 2>)->ArgName("anchors")->Arg(3)->Apply(by_anchors_of_two_tags);
+BENCHMARK(pose<float, 3>)->Apply(by_anchors_of_two_tags);
+BENCHMARK(pose<double, 3>)->Apply(by_anchors_of_two_tags);
+BENCHMARK(pose<float, 2, Loss::Huber>)->Apply(by_anchors_of_two_tags);
+BENCHMARK(pose<double, 2, Loss::Huber>)->Apply(by_anchors_of_two_tags);
+BENCHMARK(pose<float, 2, Loss::Cauchy>)->Apply(by_anchors_of_two_tags);
+BENCHMARK(pose<double, 2, Loss::Cauchy>)->Apply(by_anchors_of_two_tags);
+
+template <class S>
+void pose_of_three_tags(benchmark::State& state) {
+  solve_poses(state, bodies<S, 2>(3, static_cast<int>(state.range(0))),
+              [](const auto& b) { return pose_from_ranges(b.ranges); });
+}
+BENCHMARK(pose_of_three_tags<float>)->ArgName("anchors")->Arg(4)->Arg(8)->Arg(16);
+BENCHMARK(pose_of_three_tags<double>)->ArgName("anchors")->Arg(4)->Arg(8)->Arg(16);
+
+template <class S>
+Result<Fix<S, 2>> fix_of_tag(const Body<S, 2>& body, std::size_t tag) {
+  const std::size_t n = body.ranges.size() / 2;
+  std::vector<RangeTo<S, 2>> ranges;
+  for (std::size_t i = tag * n; i < (tag + 1) * n; ++i) {
+    ranges.push_back({body.ranges[i].anchor, body.ranges[i].range, body.ranges[i].sigma});
+  }
+  return locate(ranges);
+}
+
+template <class S>
+void two_fixes_and_atan2(benchmark::State& state) {
+  solve_poses(state, bodies<S, 2>(2, static_cast<int>(state.range(0))),
+              [](const auto& b) -> Result<Pose2<S>> {
+                const auto left = fix_of_tag<S>(b, 0);
+                const auto right = fix_of_tag<S>(b, 1);
+                if (!left || !right) return std::unexpected(Error::NotYetLocated);
+                return two_tag_pose(*left, *right, S(kBaseline));
+              });
+}
+BENCHMARK(two_fixes_and_atan2<float>)->Apply(by_anchors_of_two_tags);
+BENCHMARK(two_fixes_and_atan2<double>)->Apply(by_anchors_of_two_tags);
+
+// Two fixes as four anchors give them, and the pose made of them.
+template <class S>
+struct Fixes {
+  Fix<S, 2> left, right;
+  Pose2<S> pose;
 };
 
-// `tags` on a robot 0.6 m across, `anchors` around a hall of 20 m × 15 m, σ = 0.1 m.
-template <class S, int D>
-std::vector<Snapshot<S, D>> snapshots(int tags, int anchors) {
-  sim::Random random{"bench pose"};
-  const double arms[3][3] = {{0, kBaseline / 2, 0}, {0, -kBaseline / 2, 0}, {0.3, 0, 0.1}};
-  std::vector<Snapshot<S, D>> all(kCount);
-  for (auto& snapshot : all) {
-    const double place[3] = {random.uniform(1, 19), random.uniform(1, 14), 1};
-    for (int k = 0; k < D; ++k) snapshot.position[k] = static_cast<S>(place[k]);
-    snapshot.heading = static_cast<S>(random.uniform(-3.1, 3.1));
-    for (int t = 0; t < tags; ++t) {
-      for (int i = 0; i < anchors; ++i) {
-        const double corner[3] = {((i & 1) ^ (i >> 1 & 1)) != 0 ? 20.0 : 0.0,
-                                  (i & 2) != 0 ? 15.0 : 0.0, (i & 4) != 0 ? 3.0 : 0.5};
-        TagRange<S, D> r{};
-        for (int k = 0; k < D; ++k) {
-          r.lever_arm[k] = static_cast<S>(arms[t][k]);
-          r.anchor[k] = static_cast<S>(corner[k] + (k < 2 && (i & 4) != 0 ? 1.5 : 0.0));
-        }
-        const auto exact = predict_tag_range<S, D>(snapshot.position, turn_of(snapshot.heading),
-                                                   r.lever_arm, r.anchor);
-        r.range = exact.range + static_cast<S>(random.normal(0, 0.1));
-        r.sigma = S(0.1);
-        snapshot.ranges.push_back(r);
-      }
-    }
+template <class S>
+std::vector<Fixes<S>> fixes() {
+  std::vector<Fixes<S>> all;
+  for (const auto& body : bodies<S, 2>(2, 4)) {
+    const auto left = fix_of_tag<S>(body, 0);
+    const auto right = fix_of_tag<S>(body, 1);
+    if (!left || !right) continue;
+    const auto pose = two_tag_pose(*left, *right, S(kBaseline));
+    if (pose) all.push_back({*left, *right, *pose});
   }
   return all;
 }
 
-template <class S, int D, class Solve>
-void run(benchmark::State& state, const std::vector<Snapshot<S, D>>& all, const Solve& solve) {
-  std::size_t i = 0;
-  for (auto _ : state) benchmark::DoNotOptimize(solve(all[i++ % kCount]));
-  double squares = 0;
-  double turns = 0;
-  std::size_t solved = 0;
-  for (const auto& snapshot : all) {
-    if (const auto pose = solve(snapshot)) {
-      squares += static_cast<double>(squared_norm<S, D>(pose->position - snapshot.position));
-      const S turn = angle_difference(pose->heading, snapshot.heading);
-      turns += static_cast<double>(turn * turn);
-      ++solved;
-    }
-  }
-  const auto count = static_cast<double>(solved);
-  state.counters["rms_m"] = std::sqrt(squares / count);
-  state.counters["rms_deg"] = radians_to_degrees(std::sqrt(turns / count));
-  state.counters["refused"] = static_cast<double>(kCount - solved);
-  state.SetItemsProcessed(state.iterations());
+template <class S>
+void two_tags(benchmark::State& state) {
+  take_time(state, fixes<S>(),
+            [](const auto& f) { return two_tag_pose(f.left, f.right, S(kBaseline)); });
 }
+BENCHMARK(two_tags<float>);
+BENCHMARK(two_tags<double>);
 
 template <class S>
-Result<Pose2<S>> tag_by_tag(const Snapshot<S, 2>& snapshot) {
-  std::vector<RangeTo<S, 2>> ranges;
-  Result<Fix<S, 2>> fixes[2] = {std::unexpected(Error::TooFewMeasurements),
-                                std::unexpected(Error::TooFewMeasurements)};
-  const std::size_t half = snapshot.ranges.size() / 2;
-  for (std::size_t tag = 0; tag < 2; ++tag) {
-    ranges.clear();
-    for (std::size_t i = 0; i < half; ++i) {
-      const auto& r = snapshot.ranges[tag * half + i];
-      ranges.push_back({r.anchor, r.range, r.sigma});
-    }
-    fixes[tag] = locate(ranges);
-    if (!fixes[tag]) return std::unexpected(fixes[tag].error());
-  }
-  return two_tag_pose(*fixes[0], *fixes[1], S(kBaseline));
+void twist(benchmark::State& state) {
+  const auto all = fixes<S>();
+  const Pose2<S>* last = &all.front().pose;
+  take_time(state, all, [&](const auto& f) {
+    const auto result = twist_between(*last, f.pose, S(0.1));
+    last = &f.pose;
+    return result;
+  });
 }
+BENCHMARK(twist<float>);
+BENCHMARK(twist<double>);
 
 template <class S>
-void two_tags_four_anchors_by_atan2(benchmark::State& state) {
-  run(state, snapshots<S, 2>(2, 4), [](const auto& s) { return tag_by_tag<S>(s); });
+void target(benchmark::State& state) {
+  take_time(state, fixes<S>(), [](const auto& f) { return bearing_to(f.pose, Vec<S, 2>{8, 8}); });
 }
-BENCHMARK(two_tags_four_anchors_by_atan2<float>);
-BENCHMARK(two_tags_four_anchors_by_atan2<double>);
+BENCHMARK(target<float>);
+BENCHMARK(target<double>);
 
-template <class S, int D, int Tags, int Anchors, Loss Kind = Loss::Squares>
-void pose(benchmark::State& state) {
-  const PoseOptions<S, D> options{.robust = {Kind}};
-  run(state, snapshots<S, D>(Tags, Anchors),
-      [&](const auto& s) { return pose_from_ranges(s.ranges, options); });
+template <class S, int D>
+void bound_of_pose(benchmark::State& state) {
+  take_time(state, bodies<S, D>(2, static_cast<int>(state.range(0))),
+            [](const auto& b) { return pose_bound(b.ranges, b.position, b.heading); });
+  state.SetComplexityN(state.range(0));
 }
-BENCHMARK(pose<float, 2, 2, 4>);
-BENCHMARK(pose<double, 2, 2, 4>);
-BENCHMARK(pose<float, 2, 3, 8>);
-BENCHMARK(pose<double, 2, 3, 8>);
-BENCHMARK(pose<double, 2, 3, 8, Loss::Cauchy>);
-BENCHMARK(pose<double, 3, 3, 8>);
-
-template <class S>
-void twist_and_target(benchmark::State& state) {
-  Pose2<S> a{{1, 2}, S(0.3), Mat<S, 3>::Identity() * S(1e-4)};
-  const Pose2<S> b{{S(1.1), S(2.05)}, S(0.35), a.covariance};
-  for (auto _ : state) {
-    benchmark::DoNotOptimize(a);
-    benchmark::DoNotOptimize(twist_between(a, b, S(0.1)));
-    benchmark::DoNotOptimize(bearing_to(a, Vec<S, 2>{8, 8}));
-  }
-}
-BENCHMARK(twist_and_target<float>);
-BENCHMARK(twist_and_target<double>);
+BENCHMARK(bound_of_pose<float, 2>)->Apply(by_anchors_of_two_tags);
+BENCHMARK(bound_of_pose<double, 2>)->Apply(by_anchors_of_two_tags);
 
 }  // namespace

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Cost of one two-way range, of one step of the rate tracker and of one look into a bias table.
+// Cost of one two-way range, of one ultrasonic length, of one step of the rate tracker and of one
+// look into a bias table.
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -10,8 +11,9 @@
 #include <uwbpos/ranging/ds_twr.hpp>
 #include <uwbpos/ranging/range_bias.hpp>
 #include <uwbpos/ranging/ss_twr.hpp>
+#include <uwbpos/ranging/ultrasonic.hpp>
 #include <uwbpos/sim/noise.hpp>
-#include <uwbpos/time/clock.hpp>
+#include <uwbpos/time/rate_tracker.hpp>
 
 namespace {
 
@@ -74,17 +76,46 @@ BENCHMARK(ss_twr<float>);
 BENCHMARK(ss_twr<double>);
 
 template <class S>
+void ds_twr_offset(benchmark::State& state) {
+  const auto all = exchanges();
+  std::size_t i = 0;
+  for (auto _ : state) benchmark::DoNotOptimize(ds_twr_clock_offset<S>(all[i++ % kCount]));
+  state.SetItemsProcessed(state.iterations());
+}
+BENCHMARK(ds_twr_offset<float>);
+BENCHMARK(ds_twr_offset<double>);
+
+template <class S>
+void length_of_ultrasound(benchmark::State& state) {
+  sim::Random random{"bench counts"};
+  std::vector<std::uint32_t> counts(kCount);
+  for (auto& count : counts) count = static_cast<std::uint32_t>(random.integer(100, 60'000));
+  std::size_t i = 0;
+  for (auto _ : state) benchmark::DoNotOptimize(ultrasonic_length<S>(counts[i++ % kCount]));
+  state.SetItemsProcessed(state.iterations());
+}
+BENCHMARK(length_of_ultrasound<float>);
+BENCHMARK(length_of_ultrasound<double>);
+
+// Stamps 143 ms apart by clocks 10 ppm apart, with noise of a nanosecond.
+template <class S>
 void rate_tracker(benchmark::State& state) {
+  sim::Random random{"bench stamps"};
+  std::vector<std::int64_t> noise(kCount);
+  for (auto& ticks : noise) ticks = static_cast<std::int64_t>(random.normal(0, 64));
   RateTracker<S, 32> tracker;
-  std::uint64_t a = 0;
-  std::uint64_t b = 0;
+  std::int64_t time = 0;
   std::int64_t host = 0;
+  std::size_t i = 0;
   for (auto _ : state) {
-    a += 9'128'000'000;
-    b += 9'128'100'000;
+    time += 9'128'000'000;
     host += 142'857;
+    const auto a = static_cast<std::uint64_t>(time + noise[i]);
+    const auto b = static_cast<std::uint64_t>(time + time / 100'000 - noise[i]);
+    i = (i + 1) % kCount;
     benchmark::DoNotOptimize(tracker.update(DeviceTime<32>{a}, DeviceTime<32>{b}, host));
   }
+  state.counters["tracked"] = tracker.rate() ? 1 : 0;
   state.SetItemsProcessed(state.iterations());
 }
 BENCHMARK(rate_tracker<float>);
@@ -97,11 +128,11 @@ void range_bias(benchmark::State& state) {
     points[i] = {S(-95) + 2 * static_cast<S>(i), S(0.25) - S(0.02) * static_cast<S>(i)};
   }
   const auto table = RangeBias<S>::make(points);
-  S power = S(-96);
-  for (auto _ : state) {
-    power = power > S(-60) ? S(-96) : power + S(0.37);
-    benchmark::DoNotOptimize(table->at(power));
-  }
+  sim::Random random{"bench powers"};
+  std::vector<S> powers(kCount);
+  for (S& power : powers) power = static_cast<S>(random.uniform(-100, -60));
+  std::size_t i = 0;
+  for (auto _ : state) benchmark::DoNotOptimize(table->at(powers[i++ % kCount]));
   state.SetItemsProcessed(state.iterations());
 }
 BENCHMARK(range_bias<float>);

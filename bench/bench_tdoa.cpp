@@ -1,128 +1,124 @@
 // SPDX-License-Identifier: MIT
-// Cost of one position from range differences, for each solver; `rms_m` shows what it buys. Eight
-// anchors around a hall of 20 m × 15 m, tags anywhere in it, σ = 0.1 m an arrival.
-#include <cmath>
+// Cost of one position from range differences or pseudoranges, for each solver.
 #include <cstddef>
 #include <vector>
 
 #include <benchmark/benchmark.h>
 
-#include <uwbpos/sim/noise.hpp>
 #include <uwbpos/solve/bancroft.hpp>
+#include <uwbpos/solve/exclude_outliers.hpp>
 #include <uwbpos/solve/locate.hpp>
 #include <uwbpos/solve/tdoa_chan.hpp>
 #include <uwbpos/solve/tdoa_fang.hpp>
 
+#include "scenes.hpp"
+
 namespace {
 
-using namespace uwbpos;
+using namespace benches;
 
-constexpr std::size_t kCount = 1024;
+constexpr double kBias = 5;
 
-template <class S>
-struct Snapshot {
-  Vec<S, 3> tag;
-  Vec<S, 3> reference;
-  std::vector<DifferenceTo<S, 3>> differences;
-  std::vector<RangeTo<S, 3>> pseudoranges;
-  std::vector<PairDifference<S, 3>> ring;
+template <class S, int D>
+struct Shared {
+  Vec<S, D> tag;
+  Vec<S, D> reference;
+  std::vector<DifferenceTo<S, D>> differences;
+  double bound;
 };
 
-template <class S>
-std::vector<Snapshot<S>> snapshots() {
-  sim::Random random{"bench tdoa"};
-  std::vector<Snapshot<S>> all(kCount);
-  for (auto& snapshot : all) {
-    snapshot.tag = {S(random.uniform(1, 19)), S(random.uniform(1, 14)), S(random.uniform(0.5, 2))};
-    for (int i = 0; i < 8; ++i) {
-      const Vec<S, 3> anchor{((i & 1) ^ (i >> 1 & 1)) != 0 ? S(20) : S(0),
-                             (i & 2) != 0 ? S(15) : S(0), (i & 4) != 0 ? S(4) : S(0.3)};
-      snapshot.pseudoranges.push_back(
-          {anchor, (snapshot.tag - anchor).norm() + S(random.normal(5, 0.1)), S(0.1)});
-    }
-    snapshot.reference = snapshot.pseudoranges[0].anchor;
-    for (std::size_t i = 1; i < 8; ++i) {
-      snapshot.differences.push_back(
-          {snapshot.pseudoranges[i].anchor,
-           snapshot.pseudoranges[i].range - snapshot.pseudoranges[0].range});
-    }
-    for (std::size_t i = 0; i < 8; ++i) {
-      const auto& a = snapshot.pseudoranges[i];
-      const auto& b = snapshot.pseudoranges[(i + 1) % 8];
-      snapshot.ring.push_back({a.anchor, b.anchor, b.range - a.range, S(0.1414)});
-    }
+template <class S, int D>
+std::vector<Shared<S, D>> shared(benchmark::State& state) {
+  std::vector<Shared<S, D>> all;
+  for (const auto& e : epochs<S, D>(static_cast<int>(state.range(0)), kBias)) {
+    all.push_back({e.tag, e.ranges[0].anchor, e.differences(), e.bound});
   }
   return all;
 }
 
-template <class S, class Solve>
-void run(benchmark::State& state, const Solve& solve) {
-  const auto all = snapshots<S>();
-  std::size_t i = 0;
-  for (auto _ : state) benchmark::DoNotOptimize(solve(all[i++ % kCount]));
-  double squares = 0;
-  std::size_t solved = 0;
-  for (const auto& snapshot : all) {
-    if (const auto fix = solve(snapshot)) {
-      squares += static_cast<double>((fix->position - snapshot.tag).squaredNorm());
-      ++solved;
-    }
-  }
-  state.counters["rms_m"] = std::sqrt(squares / static_cast<double>(solved));
-  state.counters["refused"] = static_cast<double>(kCount - solved);
-  state.SetItemsProcessed(state.iterations());
-}
-
-template <class S>
-void chan(benchmark::State& state) {
-  run<S>(state, [](const auto& s) { return tdoa_chan(s.reference, s.differences, S(0.1)); });
-}
-BENCHMARK(chan<float>);
-BENCHMARK(chan<double>);
-
-template <class S>
+template <class S, int D>
 void locate_shared_reference(benchmark::State& state) {
-  run<S>(state, [](const auto& s) { return locate(s.reference, s.differences, S(0.1)); });
+  solve_all(state, shared<S, D>(state),
+            [](const auto& s) { return locate(s.reference, s.differences, S(kSigma)); });
 }
-BENCHMARK(locate_shared_reference<float>);
-BENCHMARK(locate_shared_reference<double>);
+BENCHMARK(locate_shared_reference<float, 2>)->Apply(by_anchors<4>);
+BENCHMARK(locate_shared_reference<double, 2>)->Apply(by_anchors<4>);
+BENCHMARK(locate_shared_reference<float, 3>)->Apply(by_anchors<5>);
+BENCHMARK(locate_shared_reference<double, 3>)->Apply(by_anchors<5>);
 
-template <class S>
+template <class S, int D>
+void chan(benchmark::State& state) {
+  solve_all(state, shared<S, D>(state),
+            [](const auto& s) { return tdoa_chan(s.reference, s.differences, S(kSigma)); });
+}
+BENCHMARK(chan<float, 3>)->Apply(by_anchors<5>);
+BENCHMARK(chan<double, 3>)->Apply(by_anchors<5>);
+
+template <class S, int D>
 void locate_bias(benchmark::State& state) {
-  run<S>(state, [](const auto& s) { return locate_with_bias(s.pseudoranges); });
+  solve_all(state, epochs<S, D>(static_cast<int>(state.range(0)), kBias),
+            [](const auto& e) { return locate_with_bias(e.ranges); });
 }
-BENCHMARK(locate_bias<float>);
-BENCHMARK(locate_bias<double>);
+BENCHMARK(locate_bias<float, 3>)->Apply(by_anchors<5>);
+BENCHMARK(locate_bias<double, 3>)->Apply(by_anchors<5>);
 
-template <class S>
-void locate_pairs(benchmark::State& state) {
-  run<S>(state, [](const auto& s) { return locate(s.ring); });
-}
-BENCHMARK(locate_pairs<float>);
-BENCHMARK(locate_pairs<double>);
+// Of two positions the one nearer to the tag.
+template <class S, int D>
+struct Nearer {
+  Vec<S, D> position;
 
-template <class S>
+  Nearer(const Vec<S, D>& tag, const Vec<S, D>& a, const Vec<S, D>& b)
+      : position{squared_norm<S, D>(a - tag) <= squared_norm<S, D>(b - tag) ? a : b} {}
+};
+
+template <class S, int D>
 void bancroft_closed_form(benchmark::State& state) {
-  const auto all = snapshots<S>();
-  std::size_t i = 0;
-  for (auto _ : state) benchmark::DoNotOptimize(bancroft(all[i++ % kCount].pseudoranges));
-  state.SetItemsProcessed(state.iterations());
+  solve_all(state, epochs<S, D>(static_cast<int>(state.range(0)), kBias),
+            [](const auto& e) -> Result<Nearer<S, D>> {
+              const auto both = bancroft(e.ranges);
+              if (!both) return std::unexpected(both.error());
+              return Nearer<S, D>{e.tag, both->first.position, both->second.position};
+            });
 }
-BENCHMARK(bancroft_closed_form<float>);
-BENCHMARK(bancroft_closed_form<double>);
+BENCHMARK(bancroft_closed_form<float, 3>)->Apply(by_anchors<4>);
+BENCHMARK(bancroft_closed_form<double, 3>)->Apply(by_anchors<4>);
 
-template <class S>
+template <class S, int D>
 void fang_closed_form(benchmark::State& state) {
-  auto all = snapshots<S>();
-  for (auto& s : all) s.differences.resize(3);
-  std::size_t i = 0;
-  for (auto _ : state) {
-    const auto& s = all[i++ % kCount];
-    benchmark::DoNotOptimize(tdoa_fang(s.reference, s.differences));
-  }
-  state.SetItemsProcessed(state.iterations());
+  solve_all(state, shared<S, D>(state), [](const auto& s) -> Result<Nearer<S, D>> {
+    const auto both = tdoa_fang(s.reference, s.differences);
+    if (!both) return std::unexpected(both.error());
+    return Nearer<S, D>{s.tag, both->first, both->second};
+  });
 }
-BENCHMARK(fang_closed_form<float>);
-BENCHMARK(fang_closed_form<double>);
+BENCHMARK(fang_closed_form<float, 3>)->ArgName("anchors")->Arg(4);
+BENCHMARK(fang_closed_form<double, 3>)->ArgName("anchors")->Arg(4);
+
+// As many pairs as anchors, round the hall; their potentials cost O(n²).
+template <class S, int D>
+void locate_pairs(benchmark::State& state) {
+  solve_all(state, rings<S, D>(static_cast<int>(state.range(0))),
+            [](const auto& r) { return locate(r.pairs); });
+}
+BENCHMARK(locate_pairs<float, 3>)->Apply(by_anchors<5>)->Complexity(benchmark::oNSquared);
+BENCHMARK(locate_pairs<double, 3>)->Apply(by_anchors<5>)->Complexity(benchmark::oNSquared);
+
+// One difference is 2 m too long; every pair is tried.
+template <class S, int D>
+void locate_pairs_without_outlier(benchmark::State& state) {
+  auto all = rings<S, D>(static_cast<int>(state.range(0)));
+  sim::Random random{"bench outliers"};
+  for (auto& r : all) {
+    r.pairs[static_cast<std::size_t>(random.integer(0, static_cast<int>(state.range(0)) - 1))]
+        .difference += S(2);
+  }
+  solve_all(state, all, [](const auto& r) -> Result<Fix<S, D>> {
+    const auto found = locate_excluding(r.pairs);
+    if (!found) return std::unexpected(found.error());
+    return found->fix;
+  });
+}
+BENCHMARK(locate_pairs_without_outlier<float, 3>)->ArgName("anchors")->Arg(8)->Arg(16);
+BENCHMARK(locate_pairs_without_outlier<double, 3>)->ArgName("anchors")->Arg(8)->Arg(16);
 
 }  // namespace

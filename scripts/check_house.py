@@ -233,6 +233,30 @@ def check_features():
             for name in re.findall(r"`([^`]+)`", cell) if folder else []:
                 if not (folder / name).exists():
                     fault(table, number, f"no such file: {(folder / name).relative_to(ROOT)}")
+        check_benches(table, number, line)
+
+
+def check_benches(table, number, line):
+    """A bench that a row names includes one of the row's headers, itself or through a header that it
+    includes."""
+    cells = line.split("|")
+    if len(cells) < 5:
+        return
+    headers = {f"uwbpos/{name}" for name in re.findall(r"`([^`]+\.hpp)`", cells[2])}
+    for name in re.findall(r"`(bench_\w+\.cpp)`", cells[4]):
+        seen = set()
+        left = [ROOT / "bench" / name]
+        while left:
+            path = left.pop()
+            if not path.is_file():
+                continue
+            for include in re.findall(r'#include [<"]([^>"]+)[>"]', text_of(path)):
+                if include in seen:
+                    continue
+                seen.add(include)
+                left += [INCLUDE / include, path.parent / include]
+        if not headers & seen:
+            fault(table, number, f"bench/{name} includes none of this row's headers")
 
 
 def check_hard_use():

@@ -132,29 +132,6 @@ TEST_CASE_TEMPLATE("of three fixes the odd one is left out, good as it claims to
   CHECK(fused->fused == 1);
 }
 
-TEST_CASE_TEMPLATE("the order of the fixes does not matter", S, float, double) {
-  sim::Random random{"order of fixes"};
-  const auto subnets = three_subnets<S>(S(0.1));
-  for (int trial = 0; trial < 50; ++trial) {
-    Fixes<S> fixes;
-    for (std::uint32_t id = 1; id <= 3; ++id) {
-      fixes.push_back(fix_at<S>(subnets, id, test::random_normal<S, 2>(random, S(0.2)),
-                                S(random.uniform(0.1, 0.3))));
-    }
-    const auto before = fuse_fixes(subnets, fixes);
-    test::shuffle(random, fixes);
-    const auto after = fuse_fixes(subnets, fixes);
-    REQUIRE(before);
-    REQUIRE(after);
-    CHECK(before->fused == after->fused);
-    CHECK(before->leading == after->leading);
-    // Variances of 0.01 … 0.1 m² at 30 m: conditions of some hundred.
-    const S tolerance = S(1e4) * std::numeric_limits<S>::epsilon();
-    CHECK((before->fix.position - after->fix.position).norm() < tolerance);
-    CHECK((before->fix.covariance - after->fix.covariance).norm() < tolerance);
-  }
-}
-
 TEST_CASE_TEMPLATE("a fused fix errs as it claims, and false contradictions are rare", S, float,
                    double) {
   sim::Random random{"fused nees"};

@@ -94,33 +94,6 @@ TEST_CASE("unequal, correlated errors: the covariance predicts the errors") {
   CHECK(test::mean_nees_interval(3, draws).contains(nees / draws));
 }
 
-TEST_CASE_TEMPLATE("turning and moving the tags does the same to the pose", S, float, double) {
-  sim::Random random{"two tags turn"};
-  for (int i = 0; i < 50; ++i) {
-    auto [left, right] = tags_of<S>({1, 2}, S(random.uniform(-3, 3)), S(0.5));
-    left.covariance(0, 0) *= S(3);
-    const auto before = two_tag_pose(left, right, S(0.5));
-    REQUIRE(before);
-    const S angle = S(random.uniform(-3, 3));
-    Mat<S, 2> turn;
-    turn << std::cos(angle), -std::sin(angle), std::sin(angle), std::cos(angle);
-    const Vec<S, 2> shift = test::random_in_cube<S, 2>(random, S(5));
-    for (Fix<S, 2>* tag : {&left, &right}) {
-      tag->position = Vec<S, 2>{turn * tag->position + shift};
-      tag->covariance = Mat<S, 2>{turn * tag->covariance * turn.transpose()};
-    }
-    const auto after = two_tag_pose(left, right, S(0.5));
-    REQUIRE(after);
-    Mat<S, 3> whole = Mat<S, 3>::Identity();
-    whole.template topLeftCorner<2, 2>() = turn;
-    const Mat<S, 3> expected = whole * before->covariance * whole.transpose();
-    const S tolerance = S(100) * std::numeric_limits<S>::epsilon();
-    CHECK(std::abs(angle_difference(after->heading, before->heading + angle)) < tolerance);
-    CHECK((after->position - (turn * before->position + shift)).norm() < tolerance);
-    CHECK((after->covariance - expected).norm() < tolerance * expected.norm());
-  }
-}
-
 TEST_CASE_TEMPLATE("a baseline within noise is passed, one beyond it is named", S, float, double) {
   // σ of the distance: √2 · 2 cm; five of them, and (5 · 2.83 cm)²/2d for the sideways part.
   const auto left = tag_at<S>(0, S(0.3));

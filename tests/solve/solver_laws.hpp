@@ -2,7 +2,8 @@
 #pragma once
 
 /// @file
-/// The laws that every solver of ranges keeps, run for each with each scalar and dimension.
+/// The laws that every solver of ranges keeps, run for each with each scalar and dimension; those
+/// of moving the scene are in properties/.
 
 #include <limits>
 
@@ -14,48 +15,6 @@
 #include "support/statistics.hpp"
 
 namespace uwbpos::test {
-
-/// Permuting, translating and rotating the scene does the same to the answer. `stop`: how
-/// far from the minimum an iteration may stop, in standard deviations; 0 for closed forms.
-template <class S, int D, class Solver>
-void check_equivariance(const Solver& solve, double stop) {
-  sim::Random random{"equivariance"};
-  int compared = 0;
-  for (int trial = 0; trial < 100; ++trial) {
-    // Beyond, two images are about to merge, and in so flat a valley float digits count metres.
-    const Room<S, D> room = random_room<S, D>(random, D + 2, 8, false, 5);
-    auto ranges = noisy<S, D>(random, room.ranges);
-    const auto before = solve(ranges);
-    if (!before) continue;
-    ++compared;
-    // Two paths of rounding, each within `exactness` of the unrounded answer at room scale, the
-    // moved one three times as far from the origin.
-    const double spread = static_cast<double>(before->covariance.norm());
-    const double tolerance = 10 * exactness<S>() + stop * std::sqrt(spread);
-
-    shuffle(random, ranges);
-    const auto shuffled = solve(ranges);
-    REQUIRE(shuffled);
-    CHECK(static_cast<double>((shuffled->position - before->position).norm()) < tolerance);
-
-    const Mat<S, D> turn = random_rotation<S, D>(random);
-    const Vec<S, D> shift = random_in_cube<S, D>(random, S(30));
-    auto moved = ranges;
-    for (auto& r : moved) r.anchor = Vec<S, D>{turn * r.anchor + shift};
-    const auto after = solve(moved);
-    REQUIRE(after);
-    const Vec<S, D> expected = turn * before->position + shift;
-    const Mat<S, D> turned = turn * before->covariance * turn.transpose();
-    CHECK(static_cast<double>((after->position - expected).norm()) < tolerance);
-    CHECK(static_cast<double>((after->covariance - turned).norm()) <
-          ((sizeof(S) == 4 ? 2e-2 : 1e-8) + stop) * spread);
-    CHECK(after->degrees_of_freedom == before->degrees_of_freedom);
-    CHECK(static_cast<double>(after->chi_squared) ==
-          doctest::Approx(static_cast<double>(before->chi_squared))
-              .epsilon(sizeof(S) == 4 ? 1e-2 : 1e-6));
-  }
-  CHECK(compared > 90);
-}
 
 /// A covariance is symmetric and positive, and predicts the errors: the mean of eᵀ C⁻¹ e is D.
 template <class S, int D, class Solver>

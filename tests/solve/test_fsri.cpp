@@ -119,37 +119,6 @@ TEST_CASE_TEMPLATE("FSRI: redundant receivers' waves are found, in whatever orde
   CHECK(wrong <= kTrials / 50);
 }
 
-TEST_CASE_TEMPLATE("FSRI: turning, moving and permuting everything changes nothing else", S, float,
-                   double) {
-  sim::Random random{"moved shots"};
-  for (int trial = 0; trial < 30; ++trial) {
-    const Vec<S, 2> emitter = test::random_in_box<S, 2>(random, {S(-0.6), S(0.5)}, {S(0.6), 1});
-    const S lag = kWave<S> * S(random.uniform(0.5, 4));
-    auto lengths = late<S, 2, 3>(bar<S>(), emitter, lag, {});
-    for (S& length : lengths) length += S(1e-5) * S(random.normal());
-    const auto before = fsri(bar<S>(), lengths, {.wavelength = kWave<S>});
-    REQUIRE(before);
-    const Mat<S, 2> turn = test::random_rotation<S, 2>(random);
-    const Vec<S, 2> shift = test::random_in_cube<S, 2>(random, S(2));
-    const std::array<std::size_t, 3> order{2, 0, 1};
-    std::array<Vec<S, 2>, 3> moved;
-    std::array<S, 3> reordered;
-    for (std::size_t i = 0; i < 3; ++i) {
-      moved[i] = turn * bar<S>()[order[i]] + shift;
-      reordered[i] = lengths[order[i]];
-    }
-    FsriOptions<S> options{.wavelength = kWave<S>};
-    options.side = turn * Vec<S, 2>{0, 1};
-    const auto after = fsri(moved, reordered, options);
-    REQUIRE(after);
-    const Vec<S, 2> expected = turn * before->position + shift;
-    // Two metres from the origin a float has a third of the digits that it has on the bar.
-    CHECK((after->position - expected).norm() < S(10) * kExact<S>);
-    for (std::size_t i = 0; i < 3; ++i) CHECK(after->repair[i] == before->repair[order[i]]);
-    CHECK(after->ambiguous == before->ambiguous);
-  }
-}
-
 TEST_CASE_TEMPLATE("FSRI: a mirror image is told by side, by prior, or is the upper one", S, float,
                    double) {
   const Vec<S, 2> above{S(0.3), S(0.9)};

@@ -109,34 +109,6 @@ TEST_CASE("noisy ranges of few anchors: an image is refused, hardly ever answere
   CHECK(far <= count / 1500);
 }
 
-TEST_CASE_TEMPLATE("permuting, turning and moving the scene does the same to the pose", S, float,
-                   double) {
-  sim::Random random{"pose moves"};
-  // Rounding at the room's scale of 60 m, against standard deviations of some centimetres.
-  const double tolerance = sizeof(S) == 4 ? 0.02 : 1e-4;
-  for (int i = 0; i < 50; ++i) {
-    const auto scene = test::random_scene<S, 2>(random, 4, 8, 0.25);
-    auto ranges = test::noisy<S, 2>(random, scene.ranges);
-    const auto before = solve_pose(ranges);
-    if (!before) continue;
-    test::shuffle(random, ranges);
-    const S angle = S(random.uniform(-3, 3));
-    const Turn<S> turn = turn_of(angle);
-    const Vec<S, 2> shift = test::random_in_cube<S, 2>(random, S(30));
-    for (auto& r : ranges) r.anchor = turned<S, 2>(turn, r.anchor) + shift;
-    const auto after = solve_pose(ranges);
-    REQUIRE(after);
-    const test::Scene<S, 2> expected{turned<S, 2>(turn, before->pose.position) + shift,
-                                     wrap_angle(before->pose.heading + angle),
-                                     {}};
-    CHECK(misses(expected, after->pose) < tolerance);
-    CHECK(static_cast<double>(after->chi_squared) ==
-          doctest::Approx(static_cast<double>(before->chi_squared)).epsilon(1e-2));
-    CHECK(after->pose.covariance(2, 2) ==
-          doctest::Approx(static_cast<double>(before->pose.covariance(2, 2))).epsilon(1e-2));
-  }
-}
-
 TEST_CASE("headings on ±π and on every axis") {
   for (int k = -8; k <= 8; ++k) {
     const double heading = wrap_angle(k * std::numbers::pi / 8);

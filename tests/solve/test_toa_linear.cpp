@@ -34,11 +34,6 @@ TEST_CASE_TEMPLATE("linear: exact ranges give the exact position", S, float, dou
   check_exactness<S, 3>();
 }
 
-TEST_CASE_TEMPLATE("linear: the answer moves with the scene", S, float, double) {
-  test::check_equivariance<S, 2>(solve, 0);
-  test::check_equivariance<S, 3>(solve, 0);
-}
-
 TEST_CASE_TEMPLATE("linear: the covariance predicts the errors", S, float, double) {
   // Off the centre, where the squares' own noise (second order) is within 1 % of the first.
   sim::Random random{"linear consistency"};

@@ -45,6 +45,20 @@ template <class S, int D>
   return normal;
 }
 
+/// The unit normal of the plane (line in the plane) through `center`, their mean, in which all
+/// anchors lie; NaN where they do not, or in fewer dimensions. O(n·D² + D³), no allocation.
+template <class S, int D>
+[[nodiscard]] Vec<S, D> flat_normal(PairSpan<S, D> pairs, const Vec<S, D>& center) {
+  Mat<S, D> scatter = Mat<S, D>::Zero();
+  for (const PairDifference<S, D>& d : pairs) {
+    add_outer<S, D>(scatter, d.anchor_a - center, S(1));
+    add_outer<S, D>(scatter, d.anchor_b - center, S(1));
+  }
+  const Result<WeakLine<S, D>> line = weak_line<S, D>(scatter, Vec<S, D>::Zero());
+  if (line && !(line->information > S(0))) return line->direction;
+  return Vec<S, D>::Constant(std::numeric_limits<S>::quiet_NaN());
+}
+
 namespace detail {
 
 /// `tdoa_least_squares` for one scalar and dimension.
@@ -98,6 +112,12 @@ Result<Fix<S, D>> tdoa_least_squares(PairSpan<S, D> pairs, const LocateOptions<S
     try_from(relative_to_center(refined_candidate<S, D>(anchors, *roots, i)));
   }
   if (options.prior) try_from(*options.prior - center);
+  // Flat anchors have two images, even where noise leaves one root, in their plane.
+  if (first && !second) {
+    if (const Vec<S, D> across = flat_normal<S, D>(pairs, center); all_finite(across)) {
+      try_from(first->state - across * (S(2) * dot(across, first->state)));
+    }
+  }
   if (first && !is_believable(first->chi_squared, freedom)) {
     for (int i = 0; roots && i < roots->count; ++i) {
       try_from(relative_to_center(roots->candidates[i]));

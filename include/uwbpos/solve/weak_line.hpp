@@ -51,7 +51,6 @@ template <class S, int N>
 
   S inverse[N];  // of the pivots
   S strongest = S(0);
-  S last_diagonal = a[kLast][kLast];
 #pragma GCC unroll 4
   for (int k = 0; k < kLast; ++k) {
     int best = k;
@@ -69,7 +68,6 @@ template <class S, int N>
     if (!(a[k][k] > kLost * strongest) || !(strongest > S(0))) {
       return std::unexpected(Error::DegenerateGeometry);
     }
-    if (k == kLast - 1) last_diagonal = a[kLast][kLast];
     inverse[k] = S(1) / a[k][k];
 #pragma GCC unroll 4
     for (int i = k + 1; i < N; ++i) {
@@ -117,9 +115,10 @@ template <class S, int N>
     line.foot[order[i]] = foot[i];
     line.direction[order[i]] = axis[i];
   }
-  // A lacking rank keeps only rounding noise of the diagonal that the elimination consumed.
+  // A lacking rank keeps only rounding noise of the diagonal that all of the elimination consumed.
   const S pivot = a[kLast][kLast];
-  const bool flat = !(pivot > kLost * last_diagonal) || !(pivot > kLost * kLost * strongest);
+  const S consumed = normal(order[kLast], order[kLast]);
+  const bool flat = !(pivot > kLost * consumed) || !(pivot > kLost * kLost * strongest);
   line.linear = flat ? S(0) : along + b[kLast] / pivot * length;
   line.information = flat ? S(0) : pivot / (length * length);
   return line;
