@@ -112,7 +112,7 @@ def check_all_tests():
     tree.mkdir()
     for name in ("CMakeLists.txt", "cmake", "tests", "examples", "README.md"):
         (tree / name).symlink_to(SOURCE / name)
-    (tree / "include").symlink_to(out / "include")
+    shutil.copytree(out / "include", tree / "include")  # CMake looks for headers behind no link.
     run("cmake", "-G", "Ninja", "-S", tree, "-B", tree / "build", "-DCMAKE_BUILD_TYPE=Release",
         "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG", "-DUWBPOS_UNITY=ON", "-DUWBPOS_EXAMPLES=OFF",
         f"-DCMAKE_CXX_COMPILER={CXX}")  # fmt: skip
