@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from deepest import Graph, Unbounded
+from deepest import Graph, Unbounded, sections
 
 BOARDS = {
     "m4f": "Cortex-M4F", "m7": "Cortex-M7", "m33": "Cortex-M33", "m3": "Cortex-M3", "m0": "Cortex-M0",
@@ -146,6 +146,21 @@ def read_cases(board, output):
     return cases, words
 
 
+def compiled(board, folder, image):
+    """The linker's map of an image, and {object in it: what the compiler says of its calls}."""
+    map_text = (folder / f"{image}.map").read_text()
+    graphs = {}
+    for name in {name for _, name in sections(map_text) if name.startswith("CMakeFiles/")}:
+        path = (folder / name).with_suffix(".ci")
+        if path.is_file():
+            graphs[name] = path.read_text()
+        else:
+            fault(f"{board}: no call graph of {name}")
+    if not graphs:
+        fault(f"{board}: no call graph of {image}")
+    return map_text, graphs
+
+
 def check_stack(board, name, graph, painted):
     """The deepest path, which holds what was painted."""
     try:
@@ -168,16 +183,8 @@ def measure(board, folder):
         words += right
         if not cases:
             fault(f"{board}: no case of {image} ran")
-        graph = Graph()
-        for objects in (f"firmware_{group}", image, "firmware_bare"):
-            found = list((folder / "CMakeFiles" / f"{objects}.dir").rglob("*.ci"))
-            if not found:
-                fault(f"{board}: no call graph of {objects}")
-            for path in found:
-                graph.add_call_graph(path.read_text())
         symbols, code = check_image(board, folder, image)
-        graph.add_machine_code(code)
-        graph.add_symbols(symbols)
+        graph = Graph(code, symbols, *compiled(board, folder, image))
         for name, most, mean, painted in cases:
             deepest = check_stack(board, name, graph, painted)
             rows[name] = Row(sizes[name] - sizes["no_function"], painted, deepest, most, mean)
@@ -194,6 +201,18 @@ def check_track(board, folder, expected):
         fault(f"{board}: the tag's track is not the host's")
     else:
         print(f"== {BOARDS[board]}: the tag's track, {len(expected.splitlines())} lines, as on the host")
+
+
+def check_guard(board, folder):
+    """The linker script refuses each of what it is there for, by name, and nothing else."""
+    for what in ("nothing", "heap", "exceptions", "streams"):
+        done = subprocess.run(["cmake", "--build", str(folder), "--target", f"guard_{what}"],
+                              capture_output=True, text=True)  # fmt: skip
+        said = re.search(rf"\b{what} (was|were) linked in", done.stdout + done.stderr)
+        if what == "nothing" and done.returncode != 0:
+            fault(f"{board}: an empty program does not link: {(done.stdout + done.stderr)[-300:]}")
+        elif what != "nothing" and (done.returncode == 0 or not said):
+            fault(f"{board}: the linker script lets {what} in")
 
 
 def title(symbol):
@@ -310,6 +329,7 @@ def main():
             return {}
         rows = measure(board, build / board)
         check_track(board, build / board, expected)
+        check_guard(board, build / board)
         return rows
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:

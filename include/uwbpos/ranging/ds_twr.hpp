@@ -153,7 +153,7 @@ template <class S>
   if (!d) return std::unexpected(d.error());
   const std::int64_t a = d->round_a + d->reply_a;
   const std::int64_t b = d->round_b + d->reply_b;
-  return static_cast<S>(b - a) / static_cast<S>(a);
+  return scalar_ticks<S>(b - a) / scalar_ticks<S>(a);
 }
 
 /// Error of the asymmetric time of flight [s] to first order, equation (1).

@@ -90,8 +90,8 @@ template <class S>
   if (reply_b <= 0) return std::unexpected(detail::interval_error(reply_b));
 
   const std::int64_t x = round_a - reply_b;
-  const S reply = detail::scalar_ticks<S>(reply_b);
-  if (detail::scalar_ticks<S>(x) <
+  const S reply = scalar_ticks<S>(reply_b);
+  if (scalar_ticks<S>(x) <
       -(options.max_clock_offset * reply + detail::twr_margin_ticks(options))) {
     return std::unexpected(Error::ReplyExceedsRoundTrip);
   }

@@ -94,21 +94,6 @@ template <class S>
   return std::unexpected(o.sigma_timestamp <= 0 ? Error::NonPositiveSigma : Error::InvalidOption);
 }
 
-/// A count of ticks as a scalar. A 32-bit processor without double has no instruction for this; in
-/// halves it takes five where the sign is known, to within 2^-23 of the count.
-template <class S>
-constexpr S scalar_ticks(std::int64_t ticks) {
-  if constexpr (std::numeric_limits<S>::digits <= 24) {
-    const auto bits = static_cast<std::uint64_t>(ticks);
-    const std::uint64_t size = ticks < 0 ? -bits : bits;
-    const S value = static_cast<S>(static_cast<std::uint32_t>(size >> 32)) * S(4294967296.0) +
-                    static_cast<S>(static_cast<std::uint32_t>(size));
-    return ticks < 0 ? -value : value;
-  } else {
-    return static_cast<S>(ticks);
-  }
-}
-
 /// Which error an interval is that is not positive: half the counter's range has no sign.
 constexpr Error interval_error(std::int64_t interval) {
   return interval == -DeviceTime<>::kHalfWrap ? Error::IntervalTooLong : Error::NonPositiveInterval;

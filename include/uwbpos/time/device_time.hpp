@@ -76,6 +76,22 @@ template <class S>
   }
 }
 
+/// A number of ticks as a scalar, to within half a unit of its last place, float to within one and
+/// a half. A processor without double has no instruction for it, and its library may go by way of
+/// double; in halves it takes five, where the sign is known.
+template <class S>
+[[nodiscard]] constexpr S scalar_ticks(std::int64_t ticks) {
+  if constexpr (std::numeric_limits<S>::digits <= 24) {
+    const auto bits = static_cast<std::uint64_t>(ticks);
+    const std::uint64_t size = ticks < 0 ? -bits : bits;
+    const S value = static_cast<S>(static_cast<std::uint32_t>(size >> 32)) * S(4294967296.0) +
+                    static_cast<S>(static_cast<std::uint32_t>(size));
+    return ticks < 0 ? -value : value;
+  } else {
+    return static_cast<S>(ticks);
+  }
+}
+
 }  // namespace uwbpos
 
 #include "uwbpos/core/macros_back.hpp"

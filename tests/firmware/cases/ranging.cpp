@@ -62,6 +62,11 @@ struct DsTwrSymmetric {
   static Output run(const Input& in) { return ds_twr_range_symmetric<float>(in); }
 };
 
+struct ClockOffset : DsTwrSymmetric {
+  using Output = Result<float>;
+  static Output run(const Input& in) { return ds_twr_clock_offset<float>(in); }
+};
+
 struct SsTwr {
   static constexpr int kRounds = 20;
   using Input = SsTwrStamps;
@@ -124,6 +129,7 @@ struct Height : OfReading {
   X(ds_twr_range_asymmetric, DsTwr)          \
   X(ds_twr_range_long, DsTwrLong)            \
   X(ds_twr_range_symmetric_, DsTwrSymmetric) \
+  X(ds_twr_clock_offset_, ClockOffset)       \
   X(ss_twr_range_, SsTwr)                    \
   X(ss_twr_range_recorded, SsTwrRecorded)    \
   X(correct_range_bias_, Bias)               \
