@@ -71,16 +71,15 @@ TEST_CASE_TEMPLATE("a fraction of a tick is dropped", S, float, double) {
   CHECK(uwbpos::integer_ticks(S(1e6) + S(0.5)) == 1'000'000);
 }
 
-TEST_CASE_TEMPLATE("ticks as a scalar are those that it can hold, or the nearest but one", S, float,
-                   double) {
+TEST_CASE_TEMPLATE("ticks as a scalar are those that it can hold, or within an epsilon of it", S,
+                   float, double) {
   uwbpos::sim::Random random{"scalar ticks"};
   const auto unit = static_cast<long double>(std::numeric_limits<S>::epsilon());
   for (int i = 0; i < 100'000; ++i) {
     const auto ticks = static_cast<std::int64_t>(random.bits()) >> (1 + random.bits() % 63);
     const auto exact = static_cast<long double>(ticks);
     const auto scalar = uwbpos::scalar_ticks<S>(ticks);
-    // One and a half units of the last place, of which epsilon is the largest that 1 has.
-    REQUIRE(std::abs(static_cast<long double>(scalar) - exact) <= 0.75L * unit * std::abs(exact));
+    REQUIRE(std::abs(static_cast<long double>(scalar) - exact) <= unit * std::abs(exact));
     if (static_cast<std::int64_t>(static_cast<S>(ticks)) == ticks) {
       REQUIRE(scalar == static_cast<S>(ticks));
     }

@@ -76,9 +76,9 @@ template <class S>
   }
 }
 
-/// A number of ticks as a scalar, to within half a unit of its last place, float to within one and
-/// a half. A processor without double has no instruction for it, and its library may go by way of
-/// double; in halves it takes five, where the sign is known.
+/// A number of ticks as a scalar: exact where the scalar can hold it, else rounded, float to within
+/// 2^-23 of it. A processor without double has no instruction for this, and its library may go by
+/// way of double; in halves it takes five, where the sign is known.
 template <class S>
 [[nodiscard]] constexpr S scalar_ticks(std::int64_t ticks) {
   if constexpr (std::numeric_limits<S>::digits <= 24) {
