@@ -136,10 +136,13 @@ TEST_CASE_TEMPLATE("Short exchanges have the bits, and the errors, of long ones"
     Measured<S> unused;
     if (detail::ds_twr_range_short(s, options, unused)) ++taken;
     if (range) ++answered;
-    const bool same = range && expected
-                          ? range->value == expected->value && range->variance == expected->variance
-                          : !range && !expected && range.error() == expected.error();
-    if (!same) ++different;
+    const auto symmetric = ds_twr_range_symmetric<S>(s, options);
+    const auto expected_symmetric = detail::ds_twr_range_symmetric_long<S>(s, options);
+    const auto equal = [](const auto& one, const auto& other) {
+      return one && other ? one->value == other->value && one->variance == other->variance
+                          : !one && !other && one.error() == other.error();
+    };
+    if (!equal(range, expected) || !equal(symmetric, expected_symmetric)) ++different;
   }
   CHECK(different == 0);
   CHECK(answered > 300'000);

@@ -51,8 +51,10 @@ template <class S>
   if (!t) return std::unexpected(t.error());
   const std::int64_t first = (d->round_a - d->reply_b) * d->round_b;
   const std::int64_t second = (d->round_b - d->reply_a) * d->reply_b;
+  constexpr std::int64_t limit = std::int64_t{1} << 62;
   std::int64_t numerator = 0;
-  if (__builtin_add_overflow(first, second, &numerator)) {
+  if (__builtin_add_overflow(first, second, &numerator) || numerator >= limit ||
+      numerator <= -limit) {
     return std::unexpected(Error::IntervalTooLong);
   }
   const std::int64_t skew = d->round_b + d->reply_a - d->round_a - d->reply_b;
@@ -60,43 +62,44 @@ template <class S>
       ds_twr_measured(scalar_ticks<S>(numerator), t->sum, scalar_ticks<S>(skew), options), options);
 }
 
-/// The same, to the same bits and in half the time, where no interval has more than 2^30 ticks
-/// (16.8 ms), the time of flight is not negative and nothing is to be refused: for most exchanges.
-/// False for all others. Replies that exceed their round trips need no look: x < 0 ≤ x·Rb + y·Db
-/// make y − x ≥ −x(Rb + Db)/Db and s/2 < Rb + Db, and then y − x ≤ e·s/2 + m makes −x ≤ e·Db + m;
-/// so does y < 0 with Ra and Da.
+/// The same, to the same bits and in a third of the time, for most exchanges: short ones whose time
+/// of flight is not negative and which are not to be refused. False for all others. Replies that
+/// exceed their round trips, and round trips of zero, need no look: x < 0 ≤ x·Rb + y·Db make
+/// y − x ≥ −x(Rb + Db)/Db and s/2 < Rb + Db, and then y − x ≤ e·s/2 + m makes −x ≤ e·Db + m; so
+/// does y < 0 with Ra and Da; and Ra·Rb ≥ Da·Db > 0.
 template <class S>
-[[gnu::always_inline]] inline bool ds_twr_range_short(const DsTwrStamps& t,
+[[gnu::always_inline]] inline bool ds_twr_range_short(const DsTwrStamps& stamps,
                                                       const TwrOptions<S>& options,
                                                       Measured<S>& range) {
-  std::uint32_t high = 0;
-  const auto interval = [&high](DeviceTime<> later, DeviceTime<> earlier) {
-    const std::uint64_t ticks = later.ticks() - earlier.ticks();
-    high |= static_cast<std::uint32_t>(ticks >> 32);
-    return static_cast<std::uint32_t>(ticks);
-  };
-  const std::uint32_t round_a = interval(t.resp_rx, t.poll_tx);
-  const std::uint32_t reply_a = interval(t.final_tx, t.resp_rx);
-  const std::uint32_t round_b = interval(t.final_rx, t.resp_tx);
-  const std::uint32_t reply_b = interval(t.resp_tx, t.poll_rx);
-  // A reply of zero has all bits when one is taken off; a round trip of zero makes (1) negative.
-  constexpr std::uint32_t limit = 1u << 25;
-  const std::uint32_t low = round_a | (reply_a - 1) | round_b | (reply_b - 1);
-  const std::uint32_t differences = (round_a - reply_b + limit) | (round_b - reply_a + limit);
-  if ((high << (64 - DeviceTime<>::kBits) | low >> 30 | differences >> 26) != 0) return false;
-
-  const auto da = static_cast<std::int32_t>(reply_a);
-  const auto rb = static_cast<std::int32_t>(round_b);
-  const auto db = static_cast<std::int32_t>(reply_b);
-  const std::int32_t x = static_cast<std::int32_t>(round_a) - db;
-  const std::int32_t y = rb - da;
-  const std::int64_t numerator = std::int64_t{x} * rb + std::int64_t{y} * db;
-  const auto sum = static_cast<S>(round_a + reply_a + round_b + reply_b);
+  DsTwrShort d;
+  if (!ds_twr_short(stamps, d)) return false;
+  const std::int64_t numerator = std::int64_t{d.x} * d.round_b + std::int64_t{d.y} * d.reply_b;
+  const auto sum = static_cast<S>(d.sum);
   const S bound = options.max_clock_offset * sum / 2 + twr_margin_ticks(options);
-  if (numerator < 0 || std::abs(static_cast<S>(y - x)) > bound) return false;
-  range = ds_twr_measured(scalar_ticks<S>(numerator), sum, static_cast<S>(y - x + 2 * (da - db)),
-                          options);
+  if (numerator < 0 || std::abs(static_cast<S>(d.y - d.x)) > bound) return false;
+  range = ds_twr_measured(scalar_ticks<S>(numerator), sum,
+                          static_cast<S>(d.y - d.x + 2 * (d.reply_a - d.reply_b)), options);
   return lies_between(range.value, S(0), options.max_range);
+}
+
+/// Range by (2), its variance by (3), of whole x + y.
+template <class S>
+constexpr Result<Measured<S>> ds_twr_finish_symmetric(S x_and_y, const TwrOptions<S>& options) {
+  const S sigma = options.propagation_speed * options.sigma_timestamp;
+  return twr_finish(twr_range(x_and_y / 4, 3 * sigma * sigma / 8, options), options);
+}
+
+/// `ds_twr_range_symmetric` for intervals of any length.
+template <class S>
+[[gnu::noinline, gnu::cold]] Result<Measured<S>> ds_twr_range_symmetric_long(
+    const DsTwrStamps& stamps, const TwrOptions<S>& options) {
+  const auto d = ds_twr_intervals(stamps);
+  if (!d) return std::unexpected(d.error());
+  const auto t = ds_twr_terms(*d, options);
+  if (!t) return std::unexpected(t.error());
+  // An integer, of 26 bits: x and y may have opposite ones of 25.
+  const std::int64_t x_and_y = (d->round_a - d->reply_b) + (d->round_b - d->reply_a);
+  return ds_twr_finish_symmetric(static_cast<S>(static_cast<std::int32_t>(x_and_y)), options);
 }
 
 }  // namespace detail
@@ -132,15 +135,19 @@ template <class S>
 [[nodiscard]] Result<Measured<S>> ds_twr_range_symmetric(
     const DsTwrStamps& stamps, const TwrOptions<S>& options = detail::kTwrDefaults<S>) {
   if (!detail::twr_options_valid(options)) return detail::twr_options_refused(options);
-  const auto d = detail::ds_twr_intervals(stamps);
-  if (!d) return std::unexpected(d.error());
-  const auto t = detail::ds_twr_terms(*d, options);
-  if (!t) return std::unexpected(t.error());
-  // An integer, of 26 bits: x and y may have opposite ones of 25.
-  const auto sum = static_cast<std::int32_t>((d->round_a - d->reply_b) + (d->round_b - d->reply_a));
-  const S sigma = options.propagation_speed * options.sigma_timestamp;
-  return detail::twr_finish(
-      detail::twr_range(static_cast<S>(sum) / 4, 3 * sigma * sigma / 8, options), options);
+  detail::DsTwrShort d;
+  if (detail::ds_twr_short(stamps, d) && d.x > -d.reply_b && d.y > -d.reply_a) {
+    const S bound = options.max_clock_offset;
+    const S margin = detail::twr_margin_ticks(options);
+    const auto x = static_cast<S>(d.x);
+    const auto y = static_cast<S>(d.y);
+    if (std::abs(static_cast<S>(d.y - d.x)) <= bound * static_cast<S>(d.sum) / 2 + margin &&
+        x >= -(bound * static_cast<S>(d.reply_b) + margin) &&
+        y >= -(bound * static_cast<S>(d.reply_a) + margin)) {
+      return detail::ds_twr_finish_symmetric(static_cast<S>(d.x + d.y), options);
+    }
+  }
+  return detail::ds_twr_range_symmetric_long(stamps, options);
 }
 
 /// The responder's rate against the initiator's, δ ≈ eB − eA, by equation (4); its standard

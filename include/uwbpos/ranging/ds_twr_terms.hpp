@@ -39,6 +39,17 @@ inline Result<DsTwrIntervals> ds_twr_intervals(const DsTwrStamps& t) {
   return d;
 }
 
+/// A number of ticks that is not negative as a scalar; to 2^32 rounded once, like one of 32 bits.
+template <class S>
+constexpr S scalar_interval(std::int64_t ticks) {
+  if constexpr (std::numeric_limits<S>::digits <= 24) {
+    return static_cast<S>(static_cast<std::uint32_t>(ticks >> 32)) * S(4294967296.0) +
+           static_cast<S>(static_cast<std::uint32_t>(ticks));
+  } else {
+    return static_cast<S>(ticks);
+  }
+}
+
 /// x, y and the replies and the sum of all intervals, in ticks.
 template <class S>
 struct DsTwrTerms {
@@ -52,9 +63,9 @@ Result<DsTwrTerms<S>> ds_twr_terms(const DsTwrIntervals& d, const TwrOptions<S>&
   const std::int64_t x = d.round_a - d.reply_b;
   const std::int64_t y = d.round_b - d.reply_a;
   const auto small = [=](std::int64_t v) { return v >= -limit && v < limit; };
-  const DsTwrTerms<S> t{scalar_ticks<S>(x), scalar_ticks<S>(y), scalar_ticks<S>(d.reply_a),
-                        scalar_ticks<S>(d.reply_b),
-                        scalar_ticks<S>(d.round_a + d.round_b + d.reply_a + d.reply_b)};
+  const DsTwrTerms<S> t{scalar_ticks<S>(x), scalar_ticks<S>(y), scalar_interval<S>(d.reply_a),
+                        scalar_interval<S>(d.reply_b),
+                        scalar_interval<S>(d.round_a + d.round_b + d.reply_a + d.reply_b)};
   const S margin = twr_margin_ticks(options);
   const S bound = options.max_clock_offset;
   if (std::abs(scalar_ticks<S>(y - x)) > bound * t.sum / 2 + margin) {
@@ -65,6 +76,35 @@ Result<DsTwrTerms<S>> ds_twr_terms(const DsTwrIntervals& d, const TwrOptions<S>&
   }
   if (!small(x) || !small(y)) return std::unexpected(Error::IntervalTooLong);
   return t;
+}
+
+/// What most exchanges need, in 32 bits.
+struct DsTwrShort {
+  std::int32_t x, y, reply_a, round_b, reply_b;
+  std::uint32_t sum;
+};
+
+/// The terms of an exchange whose intervals have at most 2^30 ticks (16.8 ms) and whose replies are
+/// positive, −2^25 ≤ x, y < 2^25. False for all others. Round trips may still be zero.
+[[gnu::always_inline]] inline bool ds_twr_short(const DsTwrStamps& t, DsTwrShort& d) {
+  std::uint32_t high = 0;
+  const auto interval = [&high](DeviceTime<> later, DeviceTime<> earlier) {
+    const std::uint64_t ticks = later.ticks() - earlier.ticks();
+    high |= static_cast<std::uint32_t>(ticks >> 32);
+    return static_cast<std::uint32_t>(ticks);
+  };
+  const std::uint32_t round_a = interval(t.resp_rx, t.poll_tx);
+  const std::uint32_t reply_a = interval(t.final_tx, t.resp_rx);
+  const std::uint32_t round_b = interval(t.final_rx, t.resp_tx);
+  const std::uint32_t reply_b = interval(t.resp_tx, t.poll_rx);
+  d = {static_cast<std::int32_t>(round_a - reply_b), static_cast<std::int32_t>(round_b - reply_a),
+       static_cast<std::int32_t>(reply_a),           static_cast<std::int32_t>(round_b),
+       static_cast<std::int32_t>(reply_b),           round_a + reply_a + round_b + reply_b};
+  // Zero less one has all bits.
+  constexpr std::uint32_t limit = 1u << 25;
+  const std::uint32_t low = round_a | (reply_a - 1) | round_b | (reply_b - 1);
+  const std::uint32_t differences = (round_a - reply_b + limit) | (round_b - reply_a + limit);
+  return (high << (64 - DeviceTime<>::kBits) | low >> 30 | differences >> 26) == 0;
 }
 
 }  // namespace detail

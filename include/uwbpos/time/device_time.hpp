@@ -76,17 +76,16 @@ template <class S>
   }
 }
 
-/// A number of ticks as a scalar: exact where the scalar can hold it, else rounded, float to within
-/// 2^-23 of it. A processor without double has no instruction for this, and its library may go by
-/// way of double; in halves it takes five, where the sign is known.
+/// A number of ticks as a scalar, |ticks| < 2^62: exact where the scalar can hold it, else rounded,
+/// float to within 2^-23 of it. A processor without double has no instruction for this, and its
+/// library may go by way of double; in halves, each with its own sign, it takes six.
 template <class S>
 [[nodiscard]] constexpr S scalar_ticks(std::int64_t ticks) {
   if constexpr (std::numeric_limits<S>::digits <= 24) {
-    const auto bits = static_cast<std::uint64_t>(ticks);
-    const std::uint64_t size = ticks < 0 ? -bits : bits;
-    const S value = static_cast<S>(static_cast<std::uint32_t>(size >> 32)) * S(4294967296.0) +
-                    static_cast<S>(static_cast<std::uint32_t>(size));
-    return ticks < 0 ? -value : value;
+    const auto low = static_cast<std::int32_t>(ticks);
+    const auto carry = static_cast<std::int32_t>(static_cast<std::uint32_t>(low) >> 31);
+    const auto high = static_cast<std::int32_t>(ticks >> 32) + carry;
+    return static_cast<S>(high) * S(4294967296.0) + static_cast<S>(low);
   } else {
     return static_cast<S>(ticks);
   }
