@@ -44,11 +44,6 @@ FORBIDDEN = {
     "streams": re.compile(r"_ZSt4c(out|err|in|log)|_ZNSt8ios_base\w+|_ZNSo\w+|\w*printf\w*|puts|_Zls\w+"),
     "double": re.compile(r"__aeabi_d\w+|__aeabi_\w+2d|__(add|sub|mul|div|extendsf|trunc)df\w+"),
 }
-# libgcc of ARMv6-M turns 64-bit integers into float by way of double; nothing here asks for it.
-OF_INTEGERS_ON_M0 = {
-    "__aeabi_d2f", "__aeabi_dadd", "__aeabi_dmul", "__aeabi_ui2d", "__aeabi_i2d", "__adddf3",
-    "__muldf3", "__truncdfsf2",
-}  # fmt: skip
 # Double in hardware, which the M7 has.
 DOUBLE_CODE = re.compile(r"\tv(?!ldr|str|mov|push|pop)\w+\.f64")
 
@@ -110,8 +105,7 @@ def check_symbols(board, name, symbols):
     for line in symbols.splitlines():
         symbol = line.split()[-1] if line.split() else ""
         for what, pattern in FORBIDDEN.items():
-            allowed = board == "m0" and symbol in OF_INTEGERS_ON_M0
-            if pattern.fullmatch(symbol) and not allowed:
+            if pattern.fullmatch(symbol):
                 fault(f"{board}: {name} holds {symbol}, which belongs to {what}")
 
 
