@@ -74,6 +74,7 @@
 #include "uwbpos/pose/twist.hpp"
 #include "uwbpos/pose/two_tag.hpp"
 #include "uwbpos/ranging/ds_twr.hpp"
+#include "uwbpos/ranging/ds_twr_terms.hpp"
 #include "uwbpos/ranging/range_bias.hpp"
 #include "uwbpos/ranging/ss_twr.hpp"
 #include "uwbpos/ranging/tdoa_downlink.hpp"

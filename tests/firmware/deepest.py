@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""Bounds on stack: the deepest path of a function's calls. Frames and calls are the compiler's
-(-fcallgraph-info=su, which holds what -fstack-usage tells) and those of the machine code, which a
-library's functions have alone."""
+"""Bounds on stack: the deepest path of a function's calls in a linked image. Which functions are in
+it and whom they call, its machine code says; a frame is the larger of what the machine code pushes
+and what the compiler tells (-fcallgraph-info=su, which holds what -fstack-usage tells) of that
+function in the object it was linked from. Two objects may hold different functions of one name, or
+one inlined differently: the linker's map tells them apart."""
 
 import re
 from bisect import bisect_right
@@ -12,50 +14,66 @@ class Unbounded(Exception):
     """A frame or a call whose depth nothing tells."""
 
 
+def call_graph(text):
+    """{function: (bytes of its frame, that is fixed, it calls through a pointer)} of a .ci file."""
+    plain = lambda title: title.rsplit(":", 1)[-1]
+    indirect = {
+        plain(source)
+        for source, target in re.findall(r'^edge: \{ sourcename: "([^"]*)" targetname: "([^"]*)"', text, re.MULTILINE)
+        if target == "__indirect_call"
+    }
+    functions = {}
+    for title, label in re.findall(r'^node: \{ title: "([^"]*)" label: "([^"]*)"', text, re.MULTILINE):
+        if size := re.search(r"\\n(\d+) bytes \(([^)]*)\)", label):
+            fixed = size.group(2) == "static" or "bounded" in size.group(2)
+            functions[plain(title)] = (int(size.group(1)), fixed, plain(title) in indirect)
+    return functions
+
+
+def sections(text):
+    """[(first address, object)] of the code of a linker's map, in order."""
+    placed = text[text.find("Linker script and memory map") :]  # Before it, what was left out.
+    found = re.findall(r"^ \.text\S*\s+0x([0-9a-f]+)\s+0x([0-9a-f]+) (.+)$", placed, re.MULTILINE)
+    return sorted((int(first, 16), name) for first, size, name in found if int(size, 16))
+
+
 class Graph:
-    """{function: bytes of its frame} and {function: functions that it calls}."""
+    """{address of a function: bytes of its frame} and {address: addresses that it calls}."""
 
-    def __init__(self):
-        self.frames = {}
-        self.calls = {}
-        self.dynamic = set()
-
-    def add_call_graph(self, text):
-        """A .ci file. Of a function that several objects hold, the larger frame and all calls."""
-        plain = lambda title: title.rsplit(":", 1)[-1]
-        for title, label in re.findall(r'^node: \{ title: "([^"]*)" label: "([^"]*)"', text, re.MULTILINE):
-            size = re.search(r"\\n(\d+) bytes \(([^)]*)\)", label)
-            if size:
-                name = plain(title)
-                self.frames[name] = max(self.frames.get(name, 0), int(size.group(1)))
-                if size.group(2) != "static" and "bounded" not in size.group(2):
-                    self.dynamic.add(name)
-        for source, target in re.findall(
-            r'^edge: \{ sourcename: "([^"]*)" targetname: "([^"]*)"', text, re.MULTILINE
-        ):
-            self.calls.setdefault(plain(source), set()).add(plain(target))
-
-    def add_machine_code(self, text):
-        """What `objdump -d` says. The compiler's sizes lack what some prologues push: the larger counts."""
+    def __init__(self, code, symbols, map_text="", call_graphs=None):
+        """What `objdump -d` and `nm` say, the linker's map, and {object: its .ci file}."""
         # Sizes of memory that the linker knows are no functions, though objdump takes them for such.
-        heads = re.findall(r"^([0-9a-f]+) <(?!ROM|RAM)([^>]+)>:$", text, re.MULTILINE)
-        starts = [int(address, 16) for address, _ in heads]
-        names = [name for _, name in heads]
+        heads = re.findall(r"^([0-9a-f]+) <(?!ROM|RAM)([^>]+)>:$", code, re.MULTILINE)
+        self.names = {int(address, 16): name for address, name in heads}
+        self.starts = sorted(self.names)
+        self.frames = dict.fromkeys(self.starts, 0)
+        self.calls = {start: set() for start in self.starts}
+        self.unfixed = {}
+        # Other names of the same code, too.
+        self.address = {name: int(address, 16) & ~1
+                        for address, name in re.findall(r"^([0-9a-f]+) [TtWw] (\S+)$", symbols, re.MULTILINE)}  # fmt: skip
+        self.read_machine_code(code)
+        self.read_call_graphs(map_text, call_graphs or {})
+
+    def read_machine_code(self, text):
         words = dict(re.findall(r"^\s*([0-9a-f]+):\t[0-9a-f ]+\t\.word\t0x([0-9a-f]+)", text, re.MULTILINE))
-        sizes = dict.fromkeys(names, 0)
         literals = {}
+        last = None
         for at, mnemonic, operands in re.findall(
             r"^\s*([0-9a-f]+):\t[0-9a-f ]+\t(\S+)[ \t]*(.*)", text, re.MULTILINE
         ):
-            place = bisect_right(starts, int(at, 16)) - 1
+            place = bisect_right(self.starts, int(at, 16)) - 1
             if place < 0:
                 continue
-            name = names[place]
-            sizes[name] += pushed(mnemonic, operands)
+            start = self.starts[place]
+            if start != last:
+                literals.clear()
+                last = start
+            self.frames[start] += pushed(mnemonic, operands)
             register = operands.split(",")[0]
             if mnemonic == "add" and register == "sp" and (by := operands.split(", ")[1]) in literals:
                 taken = int(literals[by], 16)
-                sizes[name] += 2**32 - taken if taken >= 2**31 else 0
+                self.frames[start] += 2**32 - taken if taken >= 2**31 else 0
             literal = re.match(r"(r\d+), \[pc, #\d+\]\s+@ \(([0-9a-f]+)", operands)
             literals.pop(register, None)
             if mnemonic.startswith("ldr") and literal and literal.group(2) in words:
@@ -63,28 +81,28 @@ class Graph:
             to = re.match(r"(?:r\d+, )?([0-9a-f]+) <", operands)
             if mnemonic.startswith(("b", "cb")) and to:
                 target = int(to.group(1), 16)
-                callee = bisect_right(starts, target) - 1
-                if callee != place or (mnemonic == "bl" and target == starts[place]):
-                    self.calls.setdefault(name, set()).add(names[callee])
+                callee = self.starts[max(bisect_right(self.starts, target) - 1, 0)]
+                if callee != start or (mnemonic == "bl" and target == start):
+                    self.calls[start].add(callee)
             elif mnemonic == "blx":
-                self.calls.setdefault(name, set()).add("__indirect_call")
-        for name, size in sizes.items():
-            self.frames[name] = max(self.frames.get(name, 0), size)
+                self.unfixed[start] = "calls through a pointer"
 
-    def add_symbols(self, text):
-        """What `nm` says: other names of the same code, and calls that became instructions."""
-        places = {}
-        for address, name in re.findall(r"^([0-9a-f]+) [TtWw] (\S+)$", text, re.MULTILINE):
-            places.setdefault(int(address, 16) & ~1, []).append(name)
-        for names in places.values():
-            known = [name for name in names if name in self.frames]
-            for name in names if known else []:
-                if name not in self.frames:
-                    self.calls[name] = {known[0]}
-                    self.frames[name] = 0
-        linked = {name for names in places.values() for name in names} | {"__indirect_call"}
-        for callees in self.calls.values():
-            callees &= linked | set(self.frames)
+    def read_call_graphs(self, map_text, call_graphs):
+        """The compiler's sizes lack what some prologues push: the larger counts."""
+        linked = sections(map_text)
+        firsts = [first for first, _ in linked]
+        graphs = {name: call_graph(text) for name, text in call_graphs.items()}
+        for start, name in self.names.items():
+            place = bisect_right(firsts, start) - 1
+            known = graphs.get(linked[place][1], {}).get(name) if place >= 0 else None
+            if not known:
+                continue
+            size, fixed, indirect = known
+            self.frames[start] = max(self.frames[start], size)
+            if not fixed:
+                self.unfixed[start] = "has a frame of no fixed size"
+            elif indirect:
+                self.unfixed[start] = "calls through a pointer"
 
     def deepest(self, function, nested=None):
         """Bytes of stack from the call of `function` on. `nested`: {part of a name: how often such a
@@ -93,23 +111,25 @@ class Graph:
         nested = nested or {}
 
         @lru_cache(maxsize=None)
-        def below(name):
-            if name in path:
+        def below(start):
+            name = self.names[start]
+            if start in path:
                 raise Unbounded(f"{name} calls itself")
-            if name in self.dynamic:
-                raise Unbounded(f"the frame of {name} has no fixed size")
-            if name not in self.frames:
-                raise Unbounded(f"nothing is known of {name}")
-            path.append(name)
-            callees = self.calls.get(name, set())
+            if start in self.unfixed:
+                raise Unbounded(f"{name} {self.unfixed[start]}")
+            path.append(start)
+            callees = self.calls[start]
             times = next((times for part, times in nested.items() if part in name), 1)
             if times > 1:
-                callees = callees - {name}
+                callees = callees - {start}
             depth = max((below(callee) for callee in callees), default=0)
             path.pop()
-            return times * self.frames[name] + depth
+            return times * self.frames[start] + depth
 
-        return below(function)
+        start = self.address.get(function)
+        if start not in self.names:
+            raise Unbounded(f"nothing is known of {function}")
+        return below(start)
 
 
 def pushed(mnemonic, operands):

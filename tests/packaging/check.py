@@ -112,9 +112,9 @@ def check_all_tests():
     tree.mkdir()
     for name in ("CMakeLists.txt", "cmake", "tests", "examples", "README.md"):
         (tree / name).symlink_to(SOURCE / name)
-    (tree / "include").symlink_to(out / "include")
+    shutil.copytree(out / "include", tree / "include")  # CMake looks for headers behind no link.
     run("cmake", "-G", "Ninja", "-S", tree, "-B", tree / "build", "-DCMAKE_BUILD_TYPE=Release",
-        "-DCMAKE_CXX_FLAGS_RELEASE=-O2 -DNDEBUG", "-DUWBPOS_UNITY=ON", "-DUWBPOS_EXAMPLES=OFF",
+        "-DCMAKE_CXX_FLAGS_RELEASE=-O1 -DNDEBUG", "-DUWBPOS_UNITY=ON", "-DUWBPOS_EXAMPLES=OFF",
         f"-DCMAKE_CXX_COMPILER={CXX}")  # fmt: skip
     run("cmake", "--build", tree / "build", "--target", "uwbpos_tests")
     run(tree / "build/tests/uwbpos_tests", "--no-intro", cwd=SOURCE)

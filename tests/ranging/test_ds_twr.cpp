@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -52,13 +54,100 @@ TEST_CASE_TEMPLATE("Whole ticks of flight come out exactly at any replies", S, f
         const auto symmetric = ds_twr_range_symmetric<S>(stamps);
         REQUIRE(asymmetric);
         REQUIRE(symmetric);
-        // A handful of roundings, as counted in the header: 5e-7 in float.
+        // The roundings that the header counts: 6e-7 in float.
         const double epsilon = 5.0 * static_cast<double>(std::numeric_limits<S>::epsilon());
         CHECK(static_cast<double>(asymmetric->value) == doctest::Approx(expected).epsilon(epsilon));
         CHECK(static_cast<double>(symmetric->value) == doctest::Approx(expected).epsilon(epsilon));
       }
     }
   }
+}
+
+// A reply of 2^10 to 2^`bits` ticks, even in its logarithm.
+std::int64_t reply_below(int bits, sim::Random& random) {
+  return std::llround(std::exp2(random.uniform(10, bits)));
+}
+
+// Flights to 150 m and a little below nothing, clocks 79 ppm apart at most, a few ticks of noise.
+DsTwrStamps random_exchange(int bits, sim::Random& random) {
+  const std::int64_t reply_b = reply_below(bits, random);
+  const std::int64_t reply_a = reply_below(bits, random);
+  const double rate = random.uniform(-79e-6, 79e-6);
+  const double flight = 2 * random.uniform(-20, 32000);
+  const auto round = [&](std::int64_t reply, double rate_of_other) {
+    return reply + std::llround(static_cast<double>(reply) * rate_of_other + flight +
+                                random.uniform(-10, 10));
+  };
+  return exchange(round(reply_b, rate), reply_b, reply_a, round(reply_a, -rate));
+}
+
+TEST_CASE_TEMPLATE("Two million ranges are the exact quotient but for the roundings counted", S,
+                   float, double) {
+  __extension__ using Wide = __int128;
+  sim::Random random{"exact quotient"};
+  const Real unit = real(std::numeric_limits<S>::epsilon()) / 2;
+  int answered = 0;
+  int wrong = 0;
+  for (int i = 0; i < 2'000'000; ++i) {
+    const DsTwrStamps s = random_exchange(i % 2 == 0 ? 30 : 38, random);
+    const auto range = ds_twr_range<S>(s);
+    if (!range) continue;
+    ++answered;
+    const Wide round_a = s.resp_rx - s.poll_tx;
+    const Wide reply_a = s.final_tx - s.resp_rx;
+    const Wide round_b = s.final_rx - s.resp_tx;
+    const Wide reply_b = s.resp_tx - s.poll_rx;
+    const Real ticks = static_cast<Real>(round_a * round_b - reply_a * reply_b) /
+                       static_cast<Real>(round_a + reply_a + round_b + reply_b);
+    const Real expected = ticks * kTick * kAir;
+    const Real margin = 9.5L * unit * std::abs(expected);  // As the header counts.
+    if (!(std::abs(real(range->value) - expected) <= margin)) ++wrong;
+  }
+  CHECK(wrong == 0);
+  CHECK(answered > 1'900'000);
+}
+
+TEST_CASE_TEMPLATE("Short exchanges have the bits, and the errors, of long ones", S, float,
+                   double) {
+  sim::Random random{"short and long"};
+  const auto one_of = [&](auto... values) {
+    const std::array all{values...};
+    return all[random.bits() % all.size()];
+  };
+  int answered = 0;
+  int taken = 0;
+  int different = 0;
+  for (int i = 0; i < 1'000'000; ++i) {
+    TwrOptions<S> options;
+    if (i % 2 == 0) {
+      options.sigma_timestamp = S(one_of(1e-12, 1e-10, 1e-6, 1e-3));
+      options.max_clock_offset = S(one_of(1e-7, 20e-6, 0.01));
+      options.max_range = S(one_of(1.0, 50.0, 1e7));
+      options.antenna_delay_a = S(one_of(-500e-9, 0.0, 500e-9));
+    }
+    DsTwrStamps s = random_exchange(31, random);
+    const std::int64_t shift =
+        one_of(0, 0, 0, 100, -100, 5000, -5000, 1 << 25, -(1 << 25), 1 << 30, -(1 << 30));
+    if (i % 3 == 0) s.resp_rx = s.resp_rx + shift;
+    if (i % 5 == 0) s.final_rx = s.final_rx + shift;
+    if (i % 7 == 0) s.resp_tx = s.poll_rx + one_of(-1, 0, 1, 1 << 29, (1 << 30) - 1, 1 << 30);
+    const auto range = ds_twr_range<S>(s, options);
+    const auto expected = detail::ds_twr_range_long<S>(s, options);
+    Measured<S> unused;
+    if (detail::ds_twr_range_short(s, options, unused)) ++taken;
+    if (range) ++answered;
+    const auto symmetric = ds_twr_range_symmetric<S>(s, options);
+    const auto expected_symmetric = detail::ds_twr_range_symmetric_long<S>(s, options);
+    const auto equal = [](const auto& one, const auto& other) {
+      return one && other ? one->value == other->value && one->variance == other->variance
+                          : !one && !other && one.error() == other.error();
+    };
+    if (!equal(range, expected) || !equal(symmetric, expected_symmetric)) ++different;
+  }
+  CHECK(different == 0);
+  CHECK(answered > 300'000);
+  CHECK(taken > 250'000);
+  CHECK(taken < answered);
 }
 
 TEST_CASE_TEMPLATE("Where the counters stand changes nothing, wraps included", S, float, double) {
@@ -289,6 +378,51 @@ TEST_CASE_TEMPLATE("NaN, infinity and options outside their domain pass no gate"
   options = {};
   options.max_range = -1;
   both_refuse<S>(good, Error::InvalidOption, options);
+}
+
+TEST_CASE_TEMPLATE("Options are valid up to the ends of their domains and not beyond", S, float,
+                   double) {
+  const DsTwrStamps good = plain(1000, kMillisecond, kMillisecond);
+  const auto refused = [&](S TwrOptions<S>::* member, S value, Error error) {
+    TwrOptions<S> options;
+    options.*member = value;
+    both_refuse<S>(good, error, options);
+  };
+  const auto accepted = [&](S TwrOptions<S>::* member, S value) {
+    TwrOptions<S> options;
+    options.*member = value;
+    // Refused it may be, but not for an option.
+    const auto range = ds_twr_range<S>(good, options);
+    return range || range.error() == Error::RangeBeyondMaximum ||
+           range.error() == Error::ClockOffsetOutOfBounds ||
+           range.error() == Error::NegativeTimeOfFlight;
+  };
+  const S huge = std::numeric_limits<S>::infinity();
+  const S least = std::numeric_limits<S>::denorm_min();
+  for (const auto member : {&TwrOptions<S>::antenna_delay_a, &TwrOptions<S>::antenna_delay_b}) {
+    for (const S end : {S(1e-3), S(-1e-3), S(-0.0)}) CHECK(accepted(member, end));
+    refused(member, std::nextafter(S(1e-3), huge), Error::InvalidOption);
+    refused(member, std::nextafter(S(-1e-3), -huge), Error::InvalidOption);
+  }
+  CHECK(accepted(&TwrOptions<S>::sigma_timestamp, least));
+  CHECK(accepted(&TwrOptions<S>::sigma_timestamp, S(1e-3)));
+  refused(&TwrOptions<S>::sigma_timestamp, S(-0.0), Error::NonPositiveSigma);
+  refused(&TwrOptions<S>::sigma_timestamp, -least, Error::NonPositiveSigma);
+  for (const auto& [member, most] : {std::pair{&TwrOptions<S>::sigma_timestamp, S(1e-3)},
+                                     std::pair{&TwrOptions<S>::max_range, S(1e7)},
+                                     std::pair{&TwrOptions<S>::max_clock_offset, S(0.01)},
+                                     std::pair{&TwrOptions<S>::propagation_speed, S(3e8)}}) {
+    CHECK(accepted(member, most));
+    refused(member, std::nextafter(most, huge), Error::InvalidOption);
+  }
+  for (const auto member : {&TwrOptions<S>::max_range, &TwrOptions<S>::max_clock_offset}) {
+    CHECK(accepted(member, least));
+    for (const S bad : {S(0), S(-0.0), -least}) refused(member, bad, Error::InvalidOption);
+  }
+  CHECK(accepted(&TwrOptions<S>::propagation_speed, S(1)));
+  for (const S bad : {std::nextafter(S(1), S(0)), S(0), S(-1)}) {
+    refused(&TwrOptions<S>::propagation_speed, bad, Error::InvalidOption);
+  }
 }
 
 TEST_CASE_TEMPLATE("One frame of another exchange spoils the range visibly", S, float, double) {

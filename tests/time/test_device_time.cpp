@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: MIT
+#include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include <doctest/doctest.h>
 
@@ -67,6 +69,23 @@ TEST_CASE_TEMPLATE("a fraction of a tick is dropped", S, float, double) {
   CHECK(uwbpos::integer_ticks(S(3.75)) == 3);
   CHECK(uwbpos::integer_ticks(S(-3.75)) == -3);
   CHECK(uwbpos::integer_ticks(S(1e6) + S(0.5)) == 1'000'000);
+}
+
+TEST_CASE_TEMPLATE("ticks as a scalar are those that it can hold, or within an epsilon of it", S,
+                   float, double) {
+  uwbpos::sim::Random random{"scalar ticks"};
+  const auto unit = static_cast<long double>(std::numeric_limits<S>::epsilon());
+  for (int i = 0; i < 100'000; ++i) {
+    const auto ticks = static_cast<std::int64_t>(random.bits()) >> (2 + random.bits() % 62);
+    const auto exact = static_cast<long double>(ticks);
+    const auto scalar = uwbpos::scalar_ticks<S>(ticks);
+    REQUIRE(std::abs(static_cast<long double>(scalar) - exact) <= unit * std::abs(exact));
+    if (static_cast<std::int64_t>(static_cast<S>(ticks)) == ticks) {
+      REQUIRE(scalar == static_cast<S>(ticks));
+    }
+  }
+  CHECK(uwbpos::scalar_ticks<S>(0) == 0);
+  CHECK(uwbpos::scalar_ticks<S>(-1) == -1);
 }
 
 }  // namespace tests::time_device_time

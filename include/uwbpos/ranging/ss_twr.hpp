@@ -39,18 +39,18 @@ namespace detail {
 template <class S>
 S add_scaled_ticks(std::int64_t x, S delta, std::int64_t interval) {
   if constexpr (std::numeric_limits<S>::digits <= 24) {
-    int exponent = 0;
-    const std::int64_t mantissa =
-        static_cast<std::int32_t>(std::frexp(delta, &exponent) * S(1 << 24));
-    const int shift = 24 - exponent;
+    const std::uint32_t bits = bits_of(delta);
+    const auto shift = 150 - static_cast<int>(bits >> 23 & 0xFFu);
     if (shift <= 62) {
-      const std::int64_t product = mantissa * interval;
+      const auto size = static_cast<std::int64_t>((bits & 0x7FFFFFu) | 0x800000u);
+      const std::int64_t product = (delta < 0 ? -size : size) * interval;
       const std::int64_t whole = product >> shift;
-      const auto rest = static_cast<S>(product - whole * (std::int64_t{1} << shift));
-      return static_cast<S>(x + whole) + std::ldexp(rest, -shift);
+      const S rest = scalar_ticks<S>(product - whole * (std::int64_t{1} << shift));
+      const S unit = std::bit_cast<S>(static_cast<std::uint32_t>(127 - shift) << 23);
+      return scalar_ticks<S>(x + whole) + rest * unit;
     }
   }
-  return static_cast<S>(x) + delta * static_cast<S>(interval);
+  return scalar_ticks<S>(x) + delta * scalar_ticks<S>(interval);
 }
 
 }  // namespace detail
@@ -72,11 +72,9 @@ S add_scaled_ticks(std::int64_t x, S delta, std::int64_t interval) {
 ///   tells how little is known.
 /// - RangeBeyondMaximum.
 template <class S>
-[[nodiscard]] Result<Measured<S>> ss_twr_range(const SsTwrStamps& stamps,
-                                               const TwrOptions<S>& options = {}) {
-  if (!detail::twr_options_valid(options)) {
-    return std::unexpected(detail::twr_options_error(options));
-  }
+[[nodiscard]] Result<Measured<S>> ss_twr_range(
+    const SsTwrStamps& stamps, const TwrOptions<S>& options = detail::kTwrDefaults<S>) {
+  if (!detail::twr_options_valid(options)) return detail::twr_options_refused(options);
   if (!std::isfinite(options.clock_offset) || !std::isfinite(options.sigma_clock_offset)) {
     return std::unexpected(Error::NotFinite);
   }
@@ -92,14 +90,17 @@ template <class S>
   if (reply_b <= 0) return std::unexpected(detail::interval_error(reply_b));
 
   const std::int64_t x = round_a - reply_b;
-  const S reply = static_cast<S>(reply_b);
-  if (static_cast<S>(x) < -(options.max_clock_offset * reply + detail::twr_margin_ticks(options))) {
+  const S reply = scalar_ticks<S>(reply_b);
+  if (scalar_ticks<S>(x) <
+      -(options.max_clock_offset * reply + detail::twr_margin_ticks(options))) {
     return std::unexpected(Error::ReplyExceedsRoundTrip);
   }
   const S ticks = detail::add_scaled_ticks(x, options.clock_offset, reply_b) / 2;
-  const S drift = reply * kTickSeconds<S> * options.sigma_clock_offset / 2;
-  const S variance = options.sigma_timestamp * options.sigma_timestamp / 2 + drift * drift;
-  return detail::twr_finish(ticks, variance, options);
+  const S speed = options.propagation_speed;
+  const S sigma = speed * options.sigma_timestamp;
+  const S drift = reply * (kTickSeconds<S> * speed) * options.sigma_clock_offset / 2;
+  return detail::twr_finish(detail::twr_range(ticks, sigma * sigma / 2 + drift * drift, options),
+                            options);
 }
 
 /// Error of the time of flight [s] to first order, equation (2), when the offset is not known:

@@ -96,9 +96,9 @@ template <class S>
   const std::int64_t at_tag = stamps.b_rx - stamps.a_rx;
   const std::int64_t at_b = stamps.b_tx - stamps.a_rx_at_b;
   if (at_tag <= 0 || at_b <= 0) return std::unexpected(Error::NonPositiveInterval);
-  const S interval = static_cast<S>(at_tag) * kTickSeconds<S>;
+  const S interval = scalar_ticks<S>(at_tag) * kTickSeconds<S>;
   if (interval > o.max_interval ||
-      static_cast<S>(at_b) * kTickSeconds<S> > (1 + o.max_clock_offset) * o.max_interval) {
+      scalar_ticks<S>(at_b) * kTickSeconds<S> > (1 + o.max_clock_offset) * o.max_interval) {
     return std::unexpected(Error::TooOld);
   }
 

@@ -10,9 +10,11 @@
 /// \f$ R_a = T_4 - T_1,\ D_a = T_5 - T_4 \f$ on A's clock,
 /// \f$ D_b = T_3 - T_2,\ R_b = T_6 - T_3 \f$ on B's.
 
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
 
 #include "uwbpos/core/constants.hpp"
 #include "uwbpos/core/result.hpp"
@@ -46,36 +48,50 @@ struct TwrOptions {
 
 namespace detail {
 
-/// Every option that all methods use lies in its domain. Written so that NaN fails every line.
+/// Options where none are given: in flash, not built for each call.
+template <class S>
+inline constexpr TwrOptions<S> kTwrDefaults{};
+
+/// A scalar's bits. As integers, those of numbers that are not negative are in the numbers' order,
+/// NaN and infinity above, negative ones above these: to compare bits takes half of what a
+/// comparison of scalars takes, and without an FPU a tenth.
+template <class S>
+constexpr auto bits_of(S value) {
+  return std::bit_cast<std::conditional_t<sizeof(S) == 4, std::uint32_t, std::uint64_t>>(value);
+}
+
+/// `least` ≤ `value` ≤ `most`, where 0 ≤ `least`; never for NaN.
+template <class S>
+constexpr bool lies_between(S value, S least, S most) {
+  return bits_of(value) - bits_of(least) <= bits_of(most) - bits_of(least);
+}
+
+/// |`value`| ≤ `most`; never for NaN.
+template <class S>
+constexpr bool lies_within(S value, S most) {
+  return bits_of(value) << 1 <= bits_of(most) << 1;
+}
+
+/// Every option that all methods use lies in its domain.
 template <class S>
 constexpr bool twr_options_valid(const TwrOptions<S>& o) {
-  return std::abs(o.antenna_delay_a) <= S(1e-3) && std::abs(o.antenna_delay_b) <= S(1e-3) &&
-         o.sigma_timestamp > 0 && o.sigma_timestamp <= S(1e-3) && o.max_range > 0 &&
-         o.max_range <= S(1e7) && o.max_clock_offset > 0 && o.max_clock_offset <= S(0.01) &&
-         o.propagation_speed >= 1 && o.propagation_speed <= S(3e8);
+  constexpr S least = std::numeric_limits<S>::denorm_min();
+  return lies_within(o.antenna_delay_a, S(1e-3)) && lies_within(o.antenna_delay_b, S(1e-3)) &&
+         lies_between(o.sigma_timestamp, least, S(1e-3)) &&
+         lies_between(o.max_range, least, S(1e7)) &&
+         lies_between(o.max_clock_offset, least, S(0.01)) &&
+         lies_between(o.propagation_speed, S(1), S(3e8));
 }
 
-/// Which error options are that are not valid.
+/// What becomes of options that are not valid.
 template <class S>
-constexpr Error twr_options_error(const TwrOptions<S>& o) {
+[[gnu::cold, gnu::noinline]] constexpr Result<Measured<S>> twr_options_refused(
+    const TwrOptions<S>& o) {
   for (const S value : {o.antenna_delay_a, o.antenna_delay_b, o.sigma_timestamp, o.max_range,
                         o.max_clock_offset, o.propagation_speed}) {
-    if (!std::isfinite(value)) return Error::NotFinite;
+    if (!std::isfinite(value)) return std::unexpected(Error::NotFinite);
   }
-  return o.sigma_timestamp <= 0 ? Error::NonPositiveSigma : Error::InvalidOption;
-}
-
-/// A count of ticks as a scalar. A 32-bit processor without double has no instruction for this;
-/// in halves it takes five, to within 1.5e-7 of the count plus 256 ticks where that is negative.
-template <class S>
-constexpr S scalar_ticks(std::int64_t ticks) {
-  if constexpr (std::numeric_limits<S>::digits <= 24) {
-    const auto high = static_cast<std::int32_t>(ticks >> 32);
-    const auto low = static_cast<std::uint32_t>(ticks);
-    return static_cast<S>(high) * S(4294967296.0) + static_cast<S>(low);
-  } else {
-    return static_cast<S>(ticks);
-  }
+  return std::unexpected(o.sigma_timestamp <= 0 ? Error::NonPositiveSigma : Error::InvalidOption);
 }
 
 /// Which error an interval is that is not positive: half the counter's range has no sign.
@@ -91,20 +107,22 @@ constexpr S twr_margin_ticks(const TwrOptions<S>& o) {
   return o.sigma_timestamp * (six_root_two / kTickSeconds<S>)+2;
 }
 
-/// The range of a time of flight of `ticks` with variance `variance` [s²], antenna delays taken
-/// off, or why it is impossible.
+/// The range of a time of flight of `ticks`, antenna delays taken off; `variance` in [m²].
 template <class S>
-constexpr Result<Measured<S>> twr_finish(S ticks, S variance, const TwrOptions<S>& o) {
-  const S metres_per_tick = o.propagation_speed * kTickSeconds<S>;
-  const S range =
-      ticks * metres_per_tick - o.propagation_speed * ((o.antenna_delay_a + o.antenna_delay_b) / 2);
-  const S range_variance = o.propagation_speed * o.propagation_speed * variance;
-  const S below = range + 2 * metres_per_tick;
-  if (below < 0 && below * below > 36 * range_variance) {
+constexpr Measured<S> twr_range(S ticks, S variance, const TwrOptions<S>& o) {
+  const S seconds = ticks * kTickSeconds<S> - (o.antenna_delay_a + o.antenna_delay_b) / 2;
+  return {o.propagation_speed * seconds, variance};
+}
+
+/// `twr_range`, or why it is impossible.
+template <class S>
+constexpr Result<Measured<S>> twr_finish(const Measured<S>& range, const TwrOptions<S>& o) {
+  const S below = range.value + 2 * kTickSeconds<S> * o.propagation_speed;
+  if (below < 0 && below * below > 36 * range.variance) {
     return std::unexpected(Error::NegativeTimeOfFlight);
   }
-  if (!(range <= o.max_range)) return std::unexpected(Error::RangeBeyondMaximum);
-  return Measured<S>{range, range_variance};
+  if (!(range.value <= o.max_range)) return std::unexpected(Error::RangeBeyondMaximum);
+  return range;
 }
 
 }  // namespace detail

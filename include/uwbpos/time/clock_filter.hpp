@@ -43,7 +43,7 @@ struct ClockPair {
 /// Ticks on the control clock from `earlier` to `later`, exact in the whole ones.
 template <class S>
 [[nodiscard]] constexpr S control_ticks(const ClockPair<S>& earlier, const ClockPair<S>& later) {
-  return static_cast<S>(later.control - earlier.control) + (later.fraction - earlier.fraction);
+  return scalar_ticks<S>(later.control - earlier.control) + (later.fraction - earlier.fraction);
 }
 
 /// Phase and rate of (1) with their covariance. Time is counted in spans of 2^36 ticks (1.08 s),
@@ -63,7 +63,7 @@ class ClockFilter {
     const std::int64_t scaled = difference(earlier, later) * kSpan;
     const S s = spans(run);
     rate_ = scaled / run;
-    rest_ = static_cast<S>(scaled - rate_ * run) / static_cast<S>(run) +
+    rest_ = scalar_ticks<S>(scaled - rate_ * run) / scalar_ticks<S>(run) +
             (later.fraction - earlier.fraction) / s;
     slope_ = 1 / s;
     given_phase_ = noise / (s * s) + wander * s / 3;
@@ -89,7 +89,7 @@ class ClockFilter {
 
   /// Ticks as spans.
   [[nodiscard]] static constexpr S spans(std::int64_t ticks) {
-    return static_cast<S>(ticks) * kUnit;
+    return scalar_ticks<S>(ticks) * kUnit;
   }
 
   /// The event that a run at the tracked rate leads to from another: (1) from any event on.
@@ -97,7 +97,7 @@ class ClockFilter {
     const std::int64_t run = anchor - from.anchor;
     const std::int64_t product = rate_ * run;
     const std::int64_t whole = product >> 36;
-    const S part = static_cast<S>(product - whole * kSpan) * kUnit + rest_ * spans(run);
+    const S part = scalar_ticks<S>(product - whole * kSpan) * kUnit + rest_ * spans(run);
     return {from.control + (run + whole), from.fraction + part, anchor};
   }
 
@@ -144,7 +144,7 @@ class ClockFilter {
 
   /// δ, a fraction, and its variance as of the last event.
   [[nodiscard]] Measured<S> rate() const {
-    return {(static_cast<S>(rate_) + rest_) * kUnit, rate_variance() * kUnit * kUnit};
+    return {(scalar_ticks<S>(rate_) + rest_) * kUnit, rate_variance() * kUnit * kUnit};
   }
 
   /// The last event that was used, as filtered.

@@ -145,8 +145,8 @@ Result<Measured<S>> ClockSync<S>::begin(const ClockPair<S>& pair, std::int64_t h
   const std::int64_t run = pair.anchor - suspect_.anchor;
   // Below a microsecond a rate means nothing.
   if (run < (1 << 16)) return std::unexpected(restart(pair, host, Error::TimeNotIncreasing));
-  const auto gained = static_cast<S>(ClockFilter<S>::difference(suspect_, pair));
-  if (!(std::abs(gained) <= options_.max_clock_offset * static_cast<S>(run))) {
+  const S gained = scalar_ticks<S>(ClockFilter<S>::difference(suspect_, pair));
+  if (!(std::abs(gained) <= options_.max_clock_offset * scalar_ticks<S>(run))) {
     return std::unexpected(restart(pair, host, Error::ClockOffsetOutOfBounds));
   }
   filter_ = ClockFilter<S>{suspect_, pair, noise(), wander()};

@@ -28,7 +28,7 @@ struct ControlTime {
 template <class S>
 [[nodiscard]] constexpr S ticks_between(const ControlTime<S>& earlier,
                                         const ControlTime<S>& later) {
-  return static_cast<S>(later.ticks - earlier.ticks) + (later.fraction - earlier.fraction);
+  return scalar_ticks<S>(later.ticks - earlier.ticks) + (later.fraction - earlier.fraction);
 }
 
 /// Equation (1), in seconds.

@@ -76,6 +76,21 @@ template <class S>
   }
 }
 
+/// A number of ticks as a scalar, |ticks| < 2^62: exact where the scalar can hold it, else rounded,
+/// float to within 2^-23 of it. A processor without double has no instruction for this, and its
+/// library may go by way of double; in halves, each with its own sign, it takes six.
+template <class S>
+[[nodiscard]] constexpr S scalar_ticks(std::int64_t ticks) {
+  if constexpr (std::numeric_limits<S>::digits <= 24) {
+    const auto low = static_cast<std::int32_t>(ticks);
+    const auto carry = static_cast<std::int32_t>(static_cast<std::uint32_t>(low) >> 31);
+    const auto high = static_cast<std::int32_t>(ticks >> 32) + carry;
+    return static_cast<S>(high) * S(4294967296.0) + static_cast<S>(low);
+  } else {
+    return static_cast<S>(ticks);
+  }
+}
+
 }  // namespace uwbpos
 
 #include "uwbpos/core/macros_back.hpp"

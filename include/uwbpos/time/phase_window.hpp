@@ -14,6 +14,7 @@
 #include <cstdint>
 
 #include "uwbpos/core/constants.hpp"
+#include "uwbpos/time/device_time.hpp"
 
 namespace uwbpos {
 
@@ -53,11 +54,11 @@ class PhaseWindow {
   /// have wandered.
   [[nodiscard]] RateBounds<S> bounds(std::int64_t host, std::int64_t lag, S limit, S margin) const {
     const auto over = [&](std::int64_t microseconds) {
-      return S(phase_) * kTickSeconds<S> / (S(microseconds) * S(1e-6));
+      return scalar_ticks<S>(phase_) * kTickSeconds<S> / (scalar_ticks<S>(microseconds) * S(1e-6));
     };
     const std::int64_t run = length(host);
     const S near = over(run + lag);
-    const S far = run > lag ? over(run - lag) : std::copysign(limit, S(phase_));
+    const S far = run > lag ? over(run - lag) : std::copysign(limit, scalar_ticks<S>(phase_));
     return {std::min(near, far) - margin, over(run), std::max(near, far) + margin};
   }
 

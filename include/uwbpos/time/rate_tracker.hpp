@@ -123,24 +123,24 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
   // Equation (3).
   const std::int64_t host_interval = microseconds_to_ticks(gap);
   const UnwrappedInterval run = unwrap_interval(a, a_, host_interval);
-  if (S(run.nearest) * options_.max_clock_offset >= S(DeviceTime<Bits>::kHalfWrap)) {
+  if (scalar_ticks<S>(run.nearest) * options_.max_clock_offset >= S(DeviceTime<Bits>::kHalfWrap)) {
     return std::unexpected(restart(a, b, host, Error::GapTooLong));
   }
 
   // Equation (2).
   const std::int64_t difference =
       DeviceTime<Bits>{b.ticks() - b_.ticks()} - DeviceTime<Bits>{a.ticks() - a_.ticks()};
-  const auto rate_over = [&](std::int64_t ticks) { return S(difference) / S(ticks); };
+  const S gained = scalar_ticks<S>(difference);
+  const auto rate_over = [&](std::int64_t ticks) { return gained / scalar_ticks<S>(ticks); };
   const std::int64_t lag = microseconds_to_ticks(options_.host_lag);
   std::int64_t allowed = microseconds_to_ticks(options_.host_jitter);
   const bool doubtful = run.other && run.other_mismatch <= allowed;
 
   const S wander = options_.wander * options_.wander * kTickSeconds<S>;
-  const S walk = wander * S(host_interval);
   // The measurement is the mean rate over the interval, not the rate at its end.
   const auto noise_over = [&](std::int64_t ticks) {
-    const S stamp = options_.sigma_timestamp / (S(ticks) * kTickSeconds<S>);
-    return 2 * stamp * stamp + wander * S(ticks) / 3;
+    const S stamp = options_.sigma_timestamp / (scalar_ticks<S>(ticks) * kTickSeconds<S>);
+    return 2 * stamp * stamp + wander * scalar_ticks<S>(ticks) / 3;
   };
   window_.add(difference);
   std::int64_t ticks = run.nearest;
@@ -156,11 +156,11 @@ Result<Measured<S>> RateTracker<S, Bits>::update(DeviceTime<Bits> a, DeviceTime<
   }
 
   // A rate known well enough tells the wrap counts apart.
-  const S prior = state_.variance + walk;
+  const S prior = state_.variance + wander * scalar_ticks<S>(host_interval);
   const auto departure = [&](std::int64_t t) { return std::abs(rate_over(t) - state_.value); };
   const auto known = [&](std::int64_t t) { return kGate * std::sqrt(prior + noise_over(t)); };
   const auto explained_by = [&](S rate) {
-    return unwrap_explained(a, a_, S(difference) / rate, host_interval, lag);
+    return unwrap_explained(a, a_, gained / rate, host_interval, lag);
   };
   if (doubtful && departure(*run.other) < departure(ticks)) ticks = *run.other;
   bool recovered = false;

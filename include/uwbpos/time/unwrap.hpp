@@ -50,8 +50,9 @@ template <class S, unsigned Bits>
                                                       DeviceTime<Bits> earlier, S expected,
                                                       std::int64_t host_interval,
                                                       std::int64_t slack) {
-  const S low = S(std::max<std::int64_t>(host_interval - slack, 1));
-  const S within = expected > low ? std::min(expected, S(host_interval + slack)) : low;
+  const S low = scalar_ticks<S>(std::max<std::int64_t>(host_interval - slack, 1));
+  const S within =
+      expected > low ? std::min(expected, scalar_ticks<S>(host_interval + slack)) : low;
   return unwrap_interval(later, earlier, integer_ticks(within)).nearest;
 }
 

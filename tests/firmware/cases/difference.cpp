@@ -5,6 +5,7 @@
 #include "uwbpos/solve/locate.hpp"
 #include "uwbpos/solve/tdoa_chan.hpp"
 #include "uwbpos/solve/tdoa_fang.hpp"
+#include "uwbpos/solve/tdoa_least_squares.hpp"
 
 #include "bench.hpp"
 
@@ -49,10 +50,24 @@ struct Fang2 : FromBlink<2, 2> {
   using Output = Result<Mirror<float, 2>>;
   static Output run(const Input& in) { return tdoa_fang(in.reference, in.differences); }
 };
+struct Chan2 : FromBlink<2, 4> {
+  static Output run(const Input& in) { return tdoa_chan(in.reference, in.differences, kSigma); }
+};
+struct Fang3 : FromBlink<3, 3> {
+  using Output = Result<Mirror<float, 3>>;
+  static Output run(const Input& in) { return tdoa_fang(in.reference, in.differences); }
+};
 struct LeastSquares3 : FromBlink<3, 7> {
-  static Output run(const Input& in) { return locate(in.reference, in.differences, kSigma); }
+  static Output run(const Input& in) {
+    return tdoa_least_squares(in.reference, in.differences, kSigma);
+  }
 };
 struct LeastSquares2 : FromBlink<2, 5> {
+  static Output run(const Input& in) {
+    return tdoa_least_squares(in.reference, in.differences, kSigma);
+  }
+};
+struct Locate3 : FromBlink<3, 7> {
   static Output run(const Input& in) { return locate(in.reference, in.differences, kSigma); }
 };
 
@@ -107,9 +122,12 @@ struct Excluding2 : Pairs2 {
 
 #define DIFFERENCE_CASES(X)                  \
   X(tdoa_chan_3d_7, Chan3)                   \
+  X(tdoa_chan_2d_4, Chan2)                   \
+  X(tdoa_fang_3d_3, Fang3)                   \
   X(tdoa_fang_2d_2, Fang2)                   \
   X(tdoa_least_squares_3d_7, LeastSquares3)  \
   X(tdoa_least_squares_2d_5, LeastSquares2)  \
+  X(locate_tdoa_3d_7, Locate3)               \
   X(tdoa_pairs_2d_6, Pairs2)                 \
   X(locate_excluding_pairs_2d_6, Excluding2) \
   X(cramer_rao_bound_tdoa_3d_7, Bound3)      \

@@ -39,6 +39,16 @@ struct ClosedForm3 : FromRanges<3, 4> {
   using Output = Result<Mirror<float, 3>>;
   static Output run(const Input& in) { return toa_closed_form(in); }
 };
+struct Linear2 : FromRanges<2, 4> {
+  static Output run(const Input& in) { return toa_linear(in); }
+};
+struct Chan2 : FromRanges<2, 4> {
+  static Output run(const Input& in) { return toa_chan(in); }
+};
+struct ClosedForm2 : FromRanges<2, 3> {
+  using Output = Result<Mirror<float, 2>>;
+  static Output run(const Input& in) { return toa_closed_form(in); }
+};
 struct Locate3 : FromRanges<3, 8> {
   static Output run(const Input& in) { return locate(in); }
 };
@@ -128,6 +138,9 @@ struct Bound3 : FromRanges<3, 8> {
   X(toa_linear_3d_8, Linear3)                   \
   X(toa_chan_3d_8, Chan3)                       \
   X(toa_closed_form_3d_4, ClosedForm3)          \
+  X(toa_linear_2d_4, Linear2)                   \
+  X(toa_chan_2d_4, Chan2)                       \
+  X(toa_closed_form_2d_3, ClosedForm2)          \
   X(locate_3d_8, Locate3)                       \
   X(locate_3d_8_recorded, LocateRecorded)       \
   X(locate_2d_4, Locate2)                       \

@@ -14,11 +14,45 @@ using namespace uwbpos;
 namespace {
 using Range = Result<Measured<float>>;
 
+// Options as a calibration left them: no constants that a compiler could fold.
+struct Exchange {
+  DsTwrStamps stamps;
+  TwrOptions<float> options;
+};
+
 struct DsTwr {
   static constexpr int kRounds = 20;
-  using Input = DsTwrStamps;
+  using Input = Exchange;
   using Output = Range;
-  static Output run(const Input& in) { return ds_twr_range<float>(in); }
+  static Output run(const Input& in) { return ds_twr_range(in.stamps, in.options); }
+#ifndef FIRMWARE_TARGET
+  static void make(Input& in, sim::Random& random, int) {
+    firmware::make(in.stamps, random);
+    in.options.antenna_delay_a = to_float(random.uniform(-0.5e-9, 0));
+    in.options.antenna_delay_b = to_float(random.uniform(-0.5e-9, 0));
+  }
+#endif
+};
+
+// Replies of 20 ms to 4 s; in every fourth round a stamp of another exchange.
+struct DsTwrLong : DsTwr {
+#ifndef FIRMWARE_TARGET
+  static void make(Input& in, sim::Random& random, int round) {
+    DsTwr::make(in, random, round);
+    DsTwrStamps& s = in.stamps;
+    const std::int64_t reply_b = std::llround(random.uniform(1.3e9, 2.5e11));
+    const std::int64_t reply_a = std::llround(random.uniform(1.3e9, 2.5e11));
+    s.resp_tx = s.resp_tx + reply_b;
+    s.resp_rx = s.resp_rx + reply_b;
+    s.final_tx = s.final_tx + (reply_b + reply_a);
+    s.final_rx = s.final_rx + (reply_b + reply_a);
+    const std::int64_t age = std::llround(random.uniform(1e3, 1e12));
+    if (round % 16 == 3) s.poll_rx = s.poll_rx - age;
+    if (round % 16 == 7) s.resp_rx = s.resp_rx + age;
+    if (round % 16 == 11) s.final_tx = s.final_tx - age;
+    if (round % 16 == 15) s.final_rx = s.final_rx - age;
+  }
+#endif
 };
 
 struct DsTwrSymmetric {
@@ -26,6 +60,11 @@ struct DsTwrSymmetric {
   using Input = DsTwrStamps;
   using Output = Range;
   static Output run(const Input& in) { return ds_twr_range_symmetric<float>(in); }
+};
+
+struct ClockOffset : DsTwrSymmetric {
+  using Output = Result<float>;
+  static Output run(const Input& in) { return ds_twr_clock_offset<float>(in); }
 };
 
 struct SsTwr {
@@ -88,7 +127,9 @@ struct Height : OfReading {
 
 #define RANGING_CASES(X)                     \
   X(ds_twr_range_asymmetric, DsTwr)          \
+  X(ds_twr_range_long, DsTwrLong)            \
   X(ds_twr_range_symmetric_, DsTwrSymmetric) \
+  X(ds_twr_clock_offset_, ClockOffset)       \
   X(ss_twr_range_, SsTwr)                    \
   X(ss_twr_range_recorded, SsTwrRecorded)    \
   X(correct_range_bias_, Bias)               \
