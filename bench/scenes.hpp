@@ -221,7 +221,6 @@ void by_anchors(benchmark::internal::Benchmark* bench) {
   for (const int anchors : {4, 8, 16, 32, 64}) {
     if (anchors > Least) bench->Arg(anchors);
   }
-  bench;
 }
 
 }  // namespace benches
