@@ -63,7 +63,7 @@ void fitted_transform(benchmark::State& state) {
     variances += static_cast<double>(brought.covariance.trace());
   }
   state.counters["error_over_bound"] = std::sqrt(squares / variances);
-  state.SetComplexityN(n);
+  tell_growth(state);
 }
 BENCHMARK(fitted_transform<float, 2>)->Apply(by_anchors<3>);
 BENCHMARK(fitted_transform<double, 2>)->Apply(by_anchors<3>);

@@ -42,12 +42,12 @@ void solve_poses(benchmark::State& state, const std::vector<Body<S, D>>& all, co
   state.counters["error_over_bound"] = std::sqrt(squares / bounds);
   state.counters["heading_over_bound"] = std::sqrt(turns / turn_bounds);
   state.counters["refused"] = refused / static_cast<double>(all.size());
-  state.SetComplexityN(state.range(0));
+  tell_growth(state);
 }
 
 /// Up to what 64 ranges of two tags allow.
 void by_anchors_of_two_tags(benchmark::internal::Benchmark* bench) {
-  bench->ArgName("anchors")->Arg(4)->Arg(8)->Arg(16)->Arg(32)->Complexity(benchmark::oN);
+  bench->ArgName("anchors")->Arg(4)->Arg(8)->Arg(16)->Arg(32);
 }
 
 template <class S, int D, Loss Kind = Loss::Squares>
@@ -148,7 +148,7 @@ template <class S, int D>
 void bound_of_pose(benchmark::State& state) {
   take_time(state, bodies<S, D>(2, static_cast<int>(state.range(0))),
             [](const auto& b) { return pose_bound(b.ranges, b.position, b.heading); });
-  state.SetComplexityN(state.range(0));
+  tell_growth(state);
 }
 BENCHMARK(bound_of_pose<float, 2>)->Apply(by_anchors_of_two_tags);
 BENCHMARK(bound_of_pose<double, 2>)->Apply(by_anchors_of_two_tags);

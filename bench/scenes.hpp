@@ -172,6 +172,14 @@ std::vector<Body<S, D>> bodies(int tags, int anchors) {
   return all;
 }
 
+/// By the benchmark's argument, the number of anchors: the time that each of them takes, which
+/// where the cost is linear falls to a constant.
+inline void tell_growth(benchmark::State& state) {
+  state.counters["per_anchor"] = benchmark::Counter(
+      static_cast<double>(state.range(0)),
+      benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+}
+
 /// Calls `work(scene)` for one scene after the other. An item is a call.
 template <class Scenes, class Work>
 void take_time(benchmark::State& state, const Scenes& scenes, const Work& work) {
@@ -185,7 +193,7 @@ void take_time(benchmark::State& state, const Scenes& scenes, const Work& work) 
 
 /// The same for a solver of positions; `error_over_bound` is the root mean square error over the
 /// Cramér-Rao bound's, `refused` the share of scenes without an answer. Scenes have `tag` and
-/// `bound`. By the benchmark's argument, the number of anchors, the cost's growth is told.
+/// `bound`.
 template <class Scenes, class Solve>
 void solve_all(benchmark::State& state, const Scenes& scenes, const Solve& solve) {
   take_time(state, scenes, solve);
@@ -202,10 +210,10 @@ void solve_all(benchmark::State& state, const Scenes& scenes, const Solve& solve
   }
   state.counters["error_over_bound"] = std::sqrt(squares / bounds);
   state.counters["refused"] = refused / static_cast<double>(scenes.size());
-  state.SetComplexityN(state.range(0));
+  tell_growth(state);
 }
 
-/// From the fewest anchors to the most, and how the cost grows.
+/// From the fewest anchors to the most.
 template <int Least>
 void by_anchors(benchmark::internal::Benchmark* bench) {
   bench->ArgName("anchors");
@@ -213,7 +221,6 @@ void by_anchors(benchmark::internal::Benchmark* bench) {
   for (const int anchors : {4, 8, 16, 32, 64}) {
     if (anchors > Least) bench->Arg(anchors);
   }
-  bench->Complexity(benchmark::oN);
 }
 
 }  // namespace benches
