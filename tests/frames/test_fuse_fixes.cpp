@@ -343,6 +343,27 @@ TEST_CASE_TEMPLATE("nothing is learned from one subnet, from a contradiction or 
   CHECK(subnets.errors().covariance != errors);
 }
 
+TEST_CASE_TEMPLATE("a covariance too long for the scalar is refused where turning it leaves none", S,
+                   float, double) {
+  const S eps = std::numeric_limits<S>::epsilon();
+  int refused = 0;
+  for (int i = 0; i < 64; ++i) {
+    Subnets<S, 2, 4> subnets;
+    REQUIRE(subnets.add({1, 7, *transform_from_yaw<S, 2>(S(0.1) * S(i), {S(1), S(2)})}));
+    SubnetFix<S, 2> fix{1, {}};
+    fix.fix.position = {S(3), S(4)};
+    fix.fix.covariance << S(1) / (eps * eps), S(0), S(0), S(1);
+    const auto fused = fuse_fixes(subnets, std::array{fix});
+    if (fused) {
+      CHECK(Ldlt<S, 2>{fused->fix.covariance}.positive_definite());
+    } else {
+      CHECK(fused.error() == Error::InvalidCovariance);
+      ++refused;
+    }
+  }
+  CHECK(refused > 10);
+}
+
 TEST_CASE_TEMPLATE("fixes that cannot be fused are refused by name", S, float, double) {
   const S nan = std::numeric_limits<S>::quiet_NaN();
   auto subnets = three_subnets<S>(S(0.1));

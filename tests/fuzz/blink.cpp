@@ -75,7 +75,7 @@ void run(Bytes bytes) {
     const std::int64_t micros = run < 250 ? 1000 * std::int64_t{run} : bytes.take<std::int32_t>();
     ticks += static_cast<std::int64_t>(static_cast<double>(micros) * (kTicks / 1e6));
     host += micros;
-    if (kind == 255) host = bytes.take<std::int64_t>();
+    if (kind == 255) host = bytes.take<std::int64_t>() / 2;
     if (kind == 254) offsets[run % 7] = static_cast<std::int64_t>(bytes.take<std::uint64_t>() >> 24);
     if (kind < 128) {
       // A sync frame at every anchor, a part of a metre early or late.

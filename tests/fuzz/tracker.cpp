@@ -65,8 +65,8 @@ using Message =
                  TimedSpeed<S>, TimedTurnRate<S>, TimedPosition<S>, TimedVelocity<S>>;
 
 template <class S>
-std::int64_t& time_of(Message<S>& message) {
-  return std::visit([](auto& m) -> std::int64_t& { return m.time; }, message);
+std::int64_t time_of(const Message<S>& message) {
+  return std::visit([](const auto& m) { return m.time; }, message);
 }
 
 // Mostly near `truth`, sometimes far, sometimes any number.
@@ -243,6 +243,7 @@ class Watched {
                   error == Error::TrackLost,
               "why no pose is told");
     }
+    if (moved) last_.reset();  // who asks may go back, to the last measurement
     check();
     if (!moved) return;
     const auto pose = tracker_.pose();
@@ -427,8 +428,12 @@ class Feeder {
     const auto told = watched_.tell(message);
     past_[next_++ % past_.size()] = message;
     if (!told || bytes_.take<std::uint8_t>() % 8 != 0) return;
+    const bool tracked = watched_.tracker().tracking();
     const auto again = watched_.tell(message);
-    require(!again && again.error() == Error::TimeNotIncreasing, "a repeat is known");
+    // One that came late may have been dropped by now; with a track, it is then too old.
+    if (!tracked) return;
+    const bool late = time_of(message) < watched_.tracker().track().time;
+    require(!again && (late || again.error() == Error::TimeNotIncreasing), "a repeat is known");
   }
 
   [[nodiscard]] Vec<double, 3> anchor(std::uint32_t id) const {

@@ -123,6 +123,10 @@ template <class S, int D, int Capacity>
   if (!all_finite(result.fix.position) || !all_finite(result.fix.covariance)) {
     return std::unexpected(Error::NumericOverflow);
   }
+  // Of variances too far apart for the scalar, turned into the map, none may be left.
+  if (!Ldlt<S, D>{result.fix.covariance}.positive_definite()) {
+    return std::unexpected(Error::InvalidCovariance);
+  }
   return result;
 }
 
