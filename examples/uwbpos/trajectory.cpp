@@ -53,9 +53,9 @@ std::optional<StampedPose> Trajectory::at(double t) const {
   if (after->t == t) return *after;
   const StampedPose& before = *(after - 1);
   const double span = after->t - before.t;
-  const double fraction =
-      std::isfinite(span) ? (t - before.t) / span
-                          : (t / 2 - before.t / 2) / (after->t / 2 - before.t / 2);
+  const double fraction = std::isfinite(span)
+                              ? (t - before.t) / span
+                              : (t / 2 - before.t / 2) / (after->t / 2 - before.t / 2);
   Vec3 position;
   for (int k = 0; k < 3; ++k) {
     position[k] = std::lerp(before.position[k], after->position[k], fraction);

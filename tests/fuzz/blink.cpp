@@ -61,7 +61,8 @@ void run(Bytes bytes) {
   // Clocks of some parts in a million, which jump now and then.
   std::array<std::int64_t, 7> offsets{};
   std::array<int, 7> rates{};
-  for (auto& offset : offsets) offset = static_cast<std::int64_t>(bytes.take<std::uint64_t>() >> 24);
+  for (auto& offset : offsets)
+    offset = static_cast<std::int64_t>(bytes.take<std::uint64_t>() >> 24);
   for (int& rate : rates) rate = bytes.take<std::int8_t>();
   std::int64_t host = bytes.take<std::int32_t>();
   std::int64_t ticks = bytes.take<std::uint32_t>();
@@ -76,7 +77,8 @@ void run(Bytes bytes) {
     ticks += static_cast<std::int64_t>(static_cast<double>(micros) * (kTicks / 1e6));
     host += micros;
     if (kind == 255) host = bytes.take<std::int64_t>() / 2;
-    if (kind == 254) offsets[run % 7] = static_cast<std::int64_t>(bytes.take<std::uint64_t>() >> 24);
+    if (kind == 254)
+      offsets[run % 7] = static_cast<std::int64_t>(bytes.take<std::uint64_t>() >> 24);
     if (kind < 128) {
       // A sync frame at every anchor, a part of a metre early or late.
       for (std::uint32_t id = 0; id < 7; ++id) {
@@ -109,9 +111,9 @@ void run(Bytes bytes) {
       return subnet->differences(std::span{arrivals.data(), count}, host);
     }();
     if (!blink) {
-      require(blink.error() == Error::TooFewMeasurements ||
-                  blink.error() == Error::TooManyMeasurements,
-              "why a blink gives nothing");
+      require(
+          blink.error() == Error::TooFewMeasurements || blink.error() == Error::TooManyMeasurements,
+          "why a blink gives nothing");
       continue;
     }
     require(blink->size > 0 && blink->size + blink->refused + 1 == static_cast<int>(count),

@@ -32,20 +32,29 @@ inline bool has_root(std::span<double> matrix, std::size_t n) {
   return true;
 }
 
-/// Finite and symmetric; no direction has a negative variance.
+/// A few roundings of the two variances that bound a covariance.
+template <class S>
+inline constexpr S kRounding = S(64) * std::numeric_limits<S>::epsilon();
+
+/// Finite and symmetric; no variance is negative, no correlation above one.
 template <class S, int D>
-void check_covariance(const Mat<S, D>& covariance) {
-  // A few roundings of the two variances that bound the covariance.
-  constexpr S kRounding = 64 * std::numeric_limits<S>::epsilon();
+void check_correlations(const Mat<S, D>& covariance) {
   for (int i = 0; i < D; ++i) {
     require(std::isfinite(covariance(i, i)) && covariance(i, i) >= 0, "variances are not negative");
     for (int j = 0; j < i; ++j) {
       const S mean = std::sqrt(covariance(i, i)) * std::sqrt(covariance(j, j));
-      require(std::abs(covariance(i, j)) <= mean * (1 + kRounding), "correlations are within one");
-      require(std::abs(covariance(i, j) - covariance(j, i)) <= mean * kRounding,
+      require(std::abs(covariance(i, j)) <= mean * (1 + kRounding<S>),
+              "correlations are within one");
+      require(std::abs(covariance(i, j) - covariance(j, i)) <= mean * kRounding<S>,
               "the covariance is symmetric");
     }
   }
+}
+
+/// The same, and no direction has a negative variance.
+template <class S, int D>
+void check_covariance(const Mat<S, D>& covariance) {
+  check_correlations<S, D>(covariance);
   // Correlations, and on the diagonal as much more as rounding may have taken.
   std::array<double, std::size_t{D * D}> correlation{};
   for (int i = 0; i < D; ++i) {
@@ -53,7 +62,7 @@ void check_covariance(const Mat<S, D>& covariance) {
       const double mean = std::sqrt(double(covariance(i, i))) * std::sqrt(double(covariance(j, j)));
       double& entry = correlation[static_cast<std::size_t>(i * D + j)];
       if (mean > 0) entry = double(covariance(i, j)) / mean;
-      if (i == j) entry = 1 + D * double(kRounding);
+      if (i == j) entry = 1 + D * double(kRounding<S>);
     }
   }
   require(has_root(correlation, D), "no direction has a negative variance");

@@ -104,24 +104,25 @@ void angles(Bytes& bytes) {
                            : std::isnan(wrapped),
           "an angle wraps");
   // Beside the standard library's in double, as near as is promised of float.
-  const double exact = x;
+  const auto exact = double(x);
   if (std::abs(x) <= S(8192)) {
-    require(std::abs(sine(x) - std::sin(exact)) <= 1e-7, "a sine");
-    require(std::abs(cosine(x) - std::cos(exact)) <= 1e-7, "a cosine");
+    require(std::abs(double(sine(x)) - std::sin(exact)) <= 1e-7, "a sine");
+    require(std::abs(double(cosine(x)) - std::cos(exact)) <= 1e-7, "a cosine");
   }
   if (std::isfinite(x)) require(std::abs(sine(x)) <= 1 && std::abs(cosine(x)) <= 1, "within one");
   if (std::isfinite(x) && std::isfinite(y)) {
-    require(std::abs(arctangent(y, x) - std::atan2(double(y), exact)) <= 3e-7, "an arctangent");
+    require(std::abs(double(arctangent(y, x)) - std::atan2(double(y), exact)) <= 3e-7,
+            "an arctangent");
     const S turn = angle_difference(x, y);
-    require(!std::isfinite(x - y) ||
-                (turn > -std::numbers::pi_v<S> && turn <= std::numbers::pi_v<S>),
-            "a turn wraps");
+    require(
+        !std::isfinite(x - y) || (turn > -std::numbers::pi_v<S> && turn <= std::numbers::pi_v<S>),
+        "a turn wraps");
   }
   if (std::abs(x) < S(80)) {
-    require(std::abs(exponential(x) / std::exp(exact) - 1) <= 2e-7, "an exponential");
+    require(std::abs(double(exponential(x)) / std::exp(exact) - 1) <= 2e-7, "an exponential");
   }
-  require(!(std::isfinite(x) && x >= 0) ||
-              std::abs(logarithm_of_one_plus(x) - std::log1p(exact)) <= 2e-7 * std::log1p(exact),
+  require(!(std::isfinite(x) && x >= 0) || std::abs(double(logarithm_of_one_plus(x)) -
+                                                    std::log1p(exact)) <= 2e-7 * std::log1p(exact),
           "a logarithm");
 
   const Vec<S, 3> a{x, y, bytes.number(S(0.01))};
@@ -159,8 +160,8 @@ void network(Bytes& bytes) {
     const S yaw = bytes.number(S(0.001));
     const Quaternion<S> attitude = quaternion_from_yaw<S>(std::isfinite(yaw) ? yaw : S(0));
     const auto ids = bytes.take<std::uint8_t>();
-    auto link = link_features<anchors, 1>(offset, rotation_matrix<S>(attitude), ids % 4U,
-                                          ids / 4U % 2U);
+    auto link =
+        link_features<anchors, 1>(offset, rotation_matrix<S>(attitude), ids % 4U, ids / 4U % 2U);
     const S codes = link[kLinkGeometry] + link[kLinkGeometry + 1] + link[kLinkGeometry + 2];
     require(codes >= 0 && codes <= 2, "one number of an anchor, one of a tag");
     const auto bias = net(link);

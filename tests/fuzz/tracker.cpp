@@ -98,9 +98,9 @@ bool same_bits(const InertialState<S>& a, const InertialState<S>& b) {
 
 template <class Motion, int Biases>
 bool same_track(const Track<Motion, Biases>& a, const Track<Motion, Biases>& b) {
-  return a.time == b.time && a.used_at == b.used_at &&
-         a.position_variance == b.position_variance && same_bits(a.state, b.state) &&
-         same_bits(a.bias, b.bias) && same_bits(a.covariance.diagonal(), b.covariance.diagonal()) &&
+  return a.time == b.time && a.used_at == b.used_at && a.position_variance == b.position_variance &&
+         same_bits(a.state, b.state) && same_bits(a.bias, b.bias) &&
+         same_bits(a.covariance.diagonal(), b.covariance.diagonal()) &&
          std::memcmp(a.covariance.factor().data(), b.covariance.factor().data(),
                      sizeof a.covariance.factor()) == 0;
 }
@@ -411,8 +411,7 @@ class Feeder {
       const Message<S> first = any(time, bytes_.take<std::uint8_t>());
       const std::int64_t later = stepped(time, bytes_);
       const Message<S> second = any(later, bytes_.take<std::uint8_t>());
-      if (watched_.tracker().tracking() && time > watched_.tracker().track().time &&
-          later > time) {
+      if (watched_.tracker().tracking() && time > watched_.tracker().track().time && later > time) {
         watched_.tell_both_ways(first, second);
       }
     } else {
@@ -477,10 +476,10 @@ class Feeder {
       case 2: {
         const double inward = kTurn * kTurn * kRadius;
         const double gravity = 9.80665;
-        return ImuSample<S>{time,
-                            {near<S>(bytes_, 0), near<S>(bytes_, 0), near<S>(bytes_, kTurn)},
-                            {near<S>(bytes_, 0), near<S>(bytes_, inward),
-                             near<S>(bytes_, gravity)}};
+        return ImuSample<S>{
+            time,
+            {near<S>(bytes_, 0), near<S>(bytes_, 0), near<S>(bytes_, kTurn)},
+            {near<S>(bytes_, 0), near<S>(bytes_, inward), near<S>(bytes_, gravity)}};
       }
       case 3:
         return TimedHeight<S>{time, near<S>(bytes_, 1), sigma<S>(bytes_, 0.05)};
@@ -527,12 +526,11 @@ void run(Bytes bytes) {
 
 template <class Motion>
 void run_biased(Bytes bytes) {
-  Feeder<Motion, TrackerSize{.anchors = 6,
-                             .tags = 2,
-                             .biases = 3,
-                             .window = 16,
-                             .stride = 8,
-                             .bias_by_link = true}>{bytes}
+  Feeder<
+      Motion,
+      TrackerSize{
+          .anchors = 6, .tags = 2, .biases = 3, .window = 16, .stride = 8, .bias_by_link = true}>{
+      bytes}
       .run();
 }
 

@@ -89,11 +89,8 @@ class TrackKeeper {
   // Whether an event of this time would have the rest of a blink done over whose first differences
   // were dropped: it is not known any more what they share.
   [[nodiscard]] bool cuts_blink(std::int64_t time) {
-    if (!window_.forgot()) return false;
-    const Event<S>& oldest = window_[0];
-    const auto* arrival = std::get_if<ArrivalEvent<S>>(&oldest.what);
-    return arrival != nullptr && arrival->shared && oldest.time == window_.snapshot(0).time &&
-           time < window_[Size.stride - 1].time;
+    return window_.forgot() && is_shared(window_[0]) &&
+           window_[0].time == window_.snapshot(0).time && time < window_[Size.stride - 1].time;
   }
 
   // Times that do not fit are refused until eight in a row fit each other.

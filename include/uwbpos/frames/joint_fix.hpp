@@ -19,6 +19,7 @@
 /// that of \f$ (I - K)\,e + K\,(J_i \xi_i - n_i),\ K = A S^{-1} \f$: in A S⁻¹ Aᵀ subtracted, a
 /// good fix that follows a bad one would vanish in rounding.
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <span>
@@ -105,7 +106,7 @@ template <class S, int D, int Slots>
     const Mat<S, D> shared = product(product(rest, mixed), transposed(gain));
     joint.covariance = congruence(rest, joint.covariance) + (shared + transposed(shared)) +
                        congruence(gain, Mat<S, D>{of_transform + s.noise});
-    joint.chi_squared += dot(y, scaled);
+    joint.chi_squared += std::max(dot(y, scaled), S(0));  // rounding apart
     joint.degrees_of_freedom += D;
     const Across weighted = product(inverse, bt);
     across -= product(a, weighted);
