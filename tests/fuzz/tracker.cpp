@@ -311,7 +311,8 @@ TrackerOptions<Motion> options_from(Bytes& bytes) {
   if ((flags & 16) != 0) options.model.bias_sigma = bytes.number(S(0.01));
   if ((flags & 32) != 0) options.model.bias_time = bytes.number(S(0.1));
   if ((flags & 64) != 0) options.speed_sigma = bytes.number(S(0.1));
-  if ((flags & 128) != 0) options.max_gap = bytes.take<std::int32_t>();
+  // Half a minute at most, which a pose is told over in three hundred steps.
+  if ((flags & 128) != 0) options.max_gap = bytes.take<std::int32_t>() / 64;
   if ((flags & 256) != 0) options.patience = bytes.take<std::int64_t>();
   if ((flags & 512) != 0) options.fix_window = bytes.take<std::int64_t>();
   if ((flags & 1024) != 0) options.heading = {bytes.number(S(0.01)), bytes.number(S(0.001))};

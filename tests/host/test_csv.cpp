@@ -285,7 +285,7 @@ TEST_CASE("A clock that was set back is not mended where times would overflow") 
   Problems problems{false, true};
   std::string rows = "t_s,anchor_id,range_m\n";
   for (int k = 1; k <= 8; ++k) rows += std::to_string(k) + "e307,1,3\n";
-  for (int k = 0; k < 32; ++k) rows += std::to_string(50 + k) + "e305,1,3\n";
+  for (int k = 0; k < 32; ++k) rows += std::to_string(150 + k) + "e305,1,3\n";
   const auto mended = read_ranges(files.write("mended.csv", rows), problems);
   CHECK(mended.counts.clock_resets.size() == 1);
   const auto left = read_ranges(files.write("left.csv", rows + "17.5e307,1,3\n"), problems);

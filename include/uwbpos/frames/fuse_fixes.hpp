@@ -17,7 +17,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <span>
 #include <type_traits>
@@ -109,17 +108,15 @@ template <class S, int D, int Capacity>
       .fused = fused,
       .used = {},
       .leading = 0};
-  S best = std::numeric_limits<S>::infinity();
+  std::size_t best = fixes.size();
   for (std::size_t i = 0; i < fixes.size(); ++i) {
     if ((chosen >> i & 1U) == 0) continue;
     result.used[i] = true;
     result.fix.chi_squared += fixes[i].fix.chi_squared;
     result.fix.degrees_of_freedom += fixes[i].fix.degrees_of_freedom;
-    if (variance[i] < best) {
-      best = variance[i];
-      result.leading = fixes[i].subnet;
-    }
+    if (best == fixes.size() || variance[i] < variance[best]) best = i;
   }
+  result.leading = fixes[best].subnet;
   if (!all_finite(result.fix.position) || !all_finite(result.fix.covariance) ||
       !std::isfinite(result.fix.chi_squared)) {
     return std::unexpected(Error::NumericOverflow);
