@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 #include <set>
+#include <span>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -102,8 +103,10 @@ void mend_clock(Log<T>& log) {
           newest - t +
           usual_step(std::vector<T>(log.rows.begin() + static_cast<std::ptrdiff_t>(start),
                                     log.rows.begin() + static_cast<std::ptrdiff_t>(i)));
-      if (!std::isfinite(log.rows[i].t + forth)) return;
-      for (std::size_t k = i; k < log.rows.size(); ++k) log.rows[k].t += forth;
+      const std::span later{log.rows.begin() + static_cast<std::ptrdiff_t>(i), log.rows.end()};
+      const auto overflows = [&](const T& row) { return !std::isfinite(row.t + forth); };
+      if (std::ranges::any_of(later, overflows)) return;
+      for (T& row : later) row.t += forth;
       log.counts.clock_resets.push_back({log.rows[i].t, forth});
       start = i;
     }

@@ -52,9 +52,15 @@ std::optional<StampedPose> Trajectory::at(double t) const {
   const auto after = std::ranges::lower_bound(poses_, t, {}, &StampedPose::t);
   if (after->t == t) return *after;
   const StampedPose& before = *(after - 1);
-  const double fraction = (t - before.t) / (after->t - before.t);
-  return StampedPose{t, before.position + fraction * (after->position - before.position),
-                     slerp(before.rotation, after->rotation, fraction)};
+  const double span = after->t - before.t;
+  const double fraction = std::isfinite(span)
+                              ? (t - before.t) / span
+                              : (t / 2 - before.t / 2) / (after->t / 2 - before.t / 2);
+  Vec3 position;
+  for (int k = 0; k < 3; ++k) {
+    position[k] = std::lerp(before.position[k], after->position[k], fraction);
+  }
+  return StampedPose{t, position, slerp(before.rotation, after->rotation, fraction)};
 }
 
 std::optional<Vec3> Trajectory::point_at(double t, const Vec3& lever_arm) const {

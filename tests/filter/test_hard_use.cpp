@@ -370,6 +370,26 @@ TEST_CASE_TEMPLATE("hard use: carried away, a tracker that its gate locks out be
   CHECK(reopened >= 1);
 }
 
+TEST_CASE_TEMPLATE("hard use: a track that begins anew goes on from where it was asked for", S,
+                   float, double) {
+  Point<S> tracker = tracking<S>(10);
+  const Vec<double, 3> away{2, -3, 0};
+  int reopened = 0;
+  std::int64_t last = 0;
+  for (TimedRange<S> range : ranges_of_course<S>(10, 14)) {
+    range.range = static_cast<S>(test::hall_range(range.anchor, place_at(range.time) + away));
+    // Asked ahead of what it is told.
+    static_cast<void>(tracker.predict_to(range.time + 500'000));
+    const auto told = tracker.update(range);
+    reopened += told && told->event == TrackEvent::Reopened ? 1 : 0;
+    const auto pose = tracker.pose();
+    REQUIRE(pose);
+    CHECK(pose->time >= last);
+    last = pose->time;
+  }
+  CHECK(reopened >= 1);
+}
+
 TEST_CASE_TEMPLATE("hard use: a tag that rests on an anchor is tracked", S, float, double) {
   sim::Random random{"on an anchor"};
   for (std::uint32_t at = 0; at < test::kHallAnchors; ++at) {

@@ -225,4 +225,30 @@ TEST_CASE_TEMPLATE("motion: an inertial body begins upright and looks where told
 
 }  // namespace
 
+TEST_CASE_TEMPLATE("motion: every noise and height has a domain", S, float, double) {
+  const auto holds = [](auto motion, auto... members) {
+    CHECK(motion.is_valid());
+    const auto without = [&](auto member) {
+      for (const S bad : {std::numeric_limits<S>::quiet_NaN(), S(-2e6), S(2e6),
+                          std::numeric_limits<S>::infinity()}) {
+        auto other = motion;
+        other.*member = bad;
+        CHECK(!other.is_valid());
+      }
+    };
+    (without(members), ...);
+  };
+  using V = ConstantVelocity<S, 3>;
+  holds(V{}, &V::acceleration, &V::height);
+  using R = PlanarRobot<S>;
+  holds(R{}, &R::acceleration, &R::turn_acceleration, &R::slip, &R::height, &R::gyro_sigma);
+  using B = PlanarBody<S>;
+  holds(B{}, &B::acceleration, &B::sideward_acceleration, &B::turn_acceleration, &B::height,
+        &B::gyro_sigma);
+  using I = Inertial<S>;
+  holds(I{}, &I::accelerometer_noise, &I::gyro_noise, &I::accelerometer_wander, &I::gyro_wander,
+        &I::accelerometer_bias_sigma, &I::gyro_bias_sigma, &I::tilt_sigma, &I::gravity,
+        &I::max_silence, &I::blind_acceleration, &I::blind_turn);
+}
+
 }  // namespace tests::filter_motion

@@ -174,6 +174,62 @@ TEST_CASE_TEMPLATE("tracker: at the edge of its memory, the same bits or a refus
   CHECK(refused > 20);
 }
 
+TEST_CASE_TEMPLATE("tracker: a blink that its memory holds in part is not done over", S, float,
+                   double) {
+  // Ranges for a first fix, then blinks of seven differences that share an arrival; a turn rate
+  // comes late, up to the whole of the memory.
+  const std::vector<TimedRange<S>> ranges = ranges_of_drive<S>(1, 0.05, false);
+  sim::Random random{"cut blinks"};
+  std::vector<TimedDifference<S>> blinks;
+  for (int i = 0; i < 20; ++i) {
+    const std::int64_t time = 1'000'000 + i * 70'000;
+    const Vec<double, 3> place = Drive::centre(1e-6 * static_cast<double>(time));
+    const double arrival = test::hall_range(0, place) + random.normal(0, 0.1);
+    for (std::uint32_t id = 1; id < test::kHallAnchors; ++id) {
+      const double other = test::hall_range(id, place) + random.normal(0, 0.1);
+      TimedDifference<S> blink{time, 0, id, static_cast<S>(other - arrival)};
+      blink.shared = true;
+      blinks.push_back(blink);
+    }
+  }
+  auto options = robot_options<S>();
+  options.heading = Measured<S>{static_cast<S>(Drive::heading(0)), S(0.01)};
+  int taken = 0;
+  int refused = 0;
+  for (std::size_t last = 120; last < 137; ++last) {
+    for (std::size_t wait = 44; wait < 68; ++wait) {
+      auto in_order = robot<S>(false, options);
+      auto late = robot<S>(false, options);
+      for (const auto& range : ranges) {
+        static_cast<void>(in_order.update(range));
+        static_cast<void>(late.update(range));
+      }
+      REQUIRE(late.tracking());
+      // Between the blinks, as all in its place is known by its time.
+      const TimedTurnRate<S> turn{blinks[last - wait].time + 10'000, S(1.0 / 3)};
+      bool told_in_order = false;
+      for (std::size_t i = 0; i < last; ++i) {
+        if (!told_in_order && blinks[i].time > turn.time) {
+          told_in_order = true;
+          static_cast<void>(in_order.update(turn));
+        }
+        static_cast<void>(in_order.update(blinks[i]));
+        static_cast<void>(late.update(blinks[i]));
+      }
+      REQUIRE(told_in_order);
+      const auto before = late.track();
+      const auto told = late.update(turn);
+      const bool too_old = !told && told.error() == Error::TooOld;
+      ++(too_old ? refused : taken);
+      const auto& wanted = too_old ? before : in_order.track();
+      CHECK(late.track().state == wanted.state);
+      CHECK(late.track().covariance.matrix() == wanted.covariance.matrix());
+    }
+  }
+  CHECK(taken > 20);
+  CHECK(refused > 20);
+}
+
 TEST_CASE_TEMPLATE("tracker: what is older than its memory is refused by name", S, float, double) {
   auto tracker = robot<S>();
   const auto ranges = ranges_of_drive<S>(3, 0.05);
@@ -237,6 +293,34 @@ TEST_CASE_TEMPLATE("tracker: no bad number passes, and each has its name", S, fl
   options.model.gate.sigmas = nan;
   auto misled = robot<S>(true, options);
   CHECK(misled.update(TimedRange<S>{0, 0, S(3)}).error() == Error::InvalidOption);
+}
+
+TEST_CASE_TEMPLATE("tracker: options outside their domain are refused with every measurement", S,
+                   float, double) {
+  const auto refused = [](const auto& change) {
+    auto options = robot_options<S>();
+    REQUIRE(is_valid(options));
+    change(options);
+    auto tracker = robot<S>(true, options);
+    const auto told = tracker.update(TimedRange<S>{0, 0, S(3)});
+    return !told && told.error() == Error::InvalidOption;
+  };
+  using O = TrackerOptions<PlanarRobot<S>>;
+  for (const S bad : {std::numeric_limits<S>::quiet_NaN(), S(-1), S(2e6)}) {
+    CAPTURE(bad);
+    CHECK(refused([&](O& o) { o.model.motion.acceleration = bad; }));
+    CHECK(refused([&](O& o) { o.model.motion.turn_acceleration = bad; }));
+    CHECK(refused([&](O& o) { o.model.motion.slip = bad; }));
+    CHECK(refused([&](O& o) { o.model.motion.gyro_sigma = bad; }));
+    CHECK(refused([&](O& o) { o.model.motion.height = bad == S(-1) ? S(-2e6) : bad; }));
+    CHECK(refused([&](O& o) { o.model.bias_sigma = bad; }));
+    CHECK(refused([&](O& o) { o.speed_sigma = bad; }));
+    CHECK(refused([&](O& o) { o.heading = Measured<S>{S(0), bad}; }));
+  }
+  CHECK(refused([](O& o) { o.model.motion.gyro_sigma = S(0); }));
+  CHECK(refused([](O& o) { o.max_gap = 0; }));
+  CHECK(refused([](O& o) { o.max_gap = kLongestTrackGap + 1; }));
+  CHECK(!refused([](O& o) { o.max_gap = kLongestTrackGap; }));
 }
 
 TEST_CASE_TEMPLATE("tracker: asked for later, it is less sure; asked for too late, it is lost", S,

@@ -320,6 +320,27 @@ TEST_CASE_TEMPLATE("nothing is learned from one subnet, from a contradiction or 
   CHECK(subnets.errors().covariance != errors);
 }
 
+TEST_CASE_TEMPLATE("a covariance too long for the scalar is refused where turning it leaves none",
+                   S, float, double) {
+  const S eps = std::numeric_limits<S>::epsilon();
+  int refused = 0;
+  for (int i = 0; i < 64; ++i) {
+    Subnets<S, 2, 4> subnets;
+    REQUIRE(subnets.add({1, 7, *transform_from_yaw<S, 2>(S(0.1) * S(i), {S(1), S(2)})}));
+    SubnetFix<S, 2> fix{1, {}};
+    fix.fix.position = {S(3), S(4)};
+    fix.fix.covariance << S(1) / (eps * eps), S(0), S(0), S(1);
+    const auto fused = fuse_fixes(subnets, std::array{fix});
+    if (fused) {
+      CHECK(Ldlt<S, 2>{fused->fix.covariance}.positive_definite());
+    } else {
+      CHECK(fused.error() == Error::InvalidCovariance);
+      ++refused;
+    }
+  }
+  CHECK(refused > 10);
+}
+
 TEST_CASE_TEMPLATE("fixes that cannot be fused are refused by name", S, float, double) {
   const S nan = std::numeric_limits<S>::quiet_NaN();
   auto subnets = three_subnets<S>(S(0.1));
@@ -349,6 +370,19 @@ TEST_CASE_TEMPLATE("fixes that cannot be fused are refused by name", S, float, d
   CHECK(error({bad}) == Error::InvalidCovariance);
   bad.fix.covariance << 1, 2, 2, 1;
   CHECK(error({good, bad}) == Error::InvalidCovariance);
+  // As far apart as the scalar goes: contradicted, or beyond it by name, with no NaN in either.
+  for (const S far : {S(1e18), S(1e25), S(1e37)}) {
+    bad = other;
+    bad.fix.position = {far, -far};
+    bad.fix.covariance << S(0.01), S(0.005), S(0.005), S(0.01);
+    const auto fused = fuse_fixes(subnets, std::array{good, bad});
+    if (fused) {
+      CHECK(fused->disagreement > S(1e20));
+      CHECK(fused->fused == 1);
+    } else {
+      CHECK(fused.error() == Error::NumericOverflow);
+    }
+  }
   CHECK(error({good}, {.gate = 0}) == Error::InvalidOption);
   CHECK(error({good}, {.gate = nan}) == Error::InvalidOption);
   CHECK(error({good}, {.preference = S(0.5)}) == Error::InvalidOption);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <vector>
 
 #include <Eigen/LU>
@@ -213,6 +214,29 @@ TEST_CASE("the gate is the quantile it approximates") {
       CAPTURE(sigmas);
       CHECK(chi_squared_gate(dof, sigmas) == doctest::Approx(exact).epsilon(0.06));
     }
+  }
+}
+
+TEST_CASE_TEMPLATE("a good fix keeps its covariance beside one that says next to nothing", S, float,
+                   double) {
+  // Subtracted from the worse covariance, the better one would vanish in rounding.
+  const S worse = S(4e-4) / std::numeric_limits<S>::epsilon();
+  for (const bool good_first : {false, true}) {
+    std::array<Sighting<S, 2>, 2> s;
+    for (int i = 0; i < 2; ++i) {
+      s[static_cast<std::size_t>(i)] = {.position = {S(1), S(2)},
+                                        .noise = S(1e-4) * Mat<S, 2>::Identity(),
+                                        .jacobian = point_jacobian(Transform<S, 2>{}, {S(1), S(2)}),
+                                        .slot = i};
+    }
+    TransformErrors<S, 2, 2> errors;
+    const int bad = good_first ? 3 : 0;
+    errors.covariance.diagonal().template segment<2>(bad).setConstant(worse);
+    const auto joint = joint_fix<S, 2, 2>(s, errors);
+    REQUIRE(joint);
+    CHECK(joint->covariance(0, 0) == doctest::Approx(1e-4).epsilon(0.01));
+    CHECK(joint->covariance(1, 1) == doctest::Approx(1e-4).epsilon(0.01));
+    CHECK(std::abs(joint->covariance(0, 1)) < S(1e-8));
   }
 }
 

@@ -22,6 +22,7 @@
 #include "bytes.hpp"
 #include "failure.hpp"
 #include "formats.hpp"
+#include "link_network.hpp"
 #include "subnets.hpp"
 
 namespace {
@@ -49,6 +50,53 @@ class MemoryFile {
   int descriptor_;
   std::filesystem::path path_;
 };
+
+void check_points(const uwbpos::host::Points& points) {
+  for (const auto& [id, position] : points) require(position.allFinite(), "a point is finite");
+}
+
+void check_bias(const uwbpos::host::BiasTable& table) {
+  for (const auto& [link, bias] : table.of_link) {
+    require(std::isfinite(bias) && table.find(link.first, link.second) == bias, "a link's bias");
+  }
+  for (const auto& [anchor, bias] : table.of_anchor) require(std::isfinite(bias), "a bias");
+}
+
+void check_power_bias(const uwbpos::host::PowerBiasTable& table) {
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    require(std::isfinite(table[i].power_dbm) && std::isfinite(table[i].bias), "a finite row");
+    require(i == 0 || table[i - 1].power_dbm < table[i].power_dbm, "ascending by power");
+  }
+}
+
+// Poses by time; between two of them there is one, that turns and does no more.
+void check_trajectory(const uwbpos::host::Trajectory& trajectory) {
+  double last = -std::numeric_limits<double>::infinity();
+  for (const auto& pose : trajectory.poses()) {
+    require(std::isfinite(pose.t) && pose.t > last, "poses come by time");
+    require(pose.position.allFinite(), "a finite position");
+    const double between = std::isfinite(last) ? last / 2 + pose.t / 2 : pose.t;
+    if (const auto at = trajectory.at(between)) {
+      const auto& q = at->rotation;
+      const double length = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
+      require(at->position.allFinite(), "a finite position between two");
+      require(std::abs(length - 1) < 1e-6, "a unit quaternion");
+    }
+    last = pose.t;
+  }
+}
+
+// The network says the same of a link however it was trained, or nothing.
+void check_network(const std::filesystem::path& file) {
+  const uwbpos::host::LinkNetwork network{file};
+  const auto still = uwbpos::Mat<double, 3>::Identity().eval();
+  for (const unsigned anchor : {0u, 1u, 4000000000u}) {
+    for (const double x : {0.0, 3.0, 1e300, std::numeric_limits<double>::quiet_NaN()}) {
+      const auto bias = network.bias(0, anchor, {x, 1, 2}, still);
+      require(!bias || std::isfinite(*bias), "a finite bias");
+    }
+  }
+}
 
 template <class T>
 void check_times(const uwbpos::host::Log<T>& log) {
@@ -96,16 +144,16 @@ void read(int kind, const std::filesystem::path& file) {
   uwbpos::host::Problems problems{false, true};
   switch (kind) {
     case 0:
-      (void)uwbpos::host::read_anchors(file, problems);
+      check_points(uwbpos::host::read_anchors(file, problems));
       break;
     case 1:
-      (void)uwbpos::host::read_bias(file, problems);
+      check_bias(uwbpos::host::read_bias(file, problems));
       break;
     case 2:
-      (void)uwbpos::host::read_power_bias(file, problems);
+      check_power_bias(uwbpos::host::read_power_bias(file, problems));
       break;
     case 3:
-      (void)uwbpos::host::read_trajectory(file, problems);
+      check_trajectory(uwbpos::host::read_trajectory(file, problems));
       break;
     case 4:
       check_times(uwbpos::host::read_twr(file, problems));
@@ -120,8 +168,20 @@ void read(int kind, const std::filesystem::path& file) {
     case 6:
       check_subnets(file, problems);
       break;
-    default:
+    case 7:
       check_times(uwbpos::host::read_ranges(file, problems));
+      break;
+    case 8:
+      check_points(uwbpos::host::read_tags(file, problems));
+      break;
+    case 9:
+      check_times(uwbpos::host::read_ultrasonic(file, problems));
+      break;
+    case 10:
+      check_times(uwbpos::host::read_imu(file, problems));
+      break;
+    default:
+      check_network(file);
   }
 }
 
@@ -131,7 +191,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size == 0) return 0;
   const MemoryFile file{std::span{data, size}.subspan(1)};
   try {
-    read(data[0] % 8, file.path());
+    read(data[0] % 12, file.path());
   } catch (const uwbpos::host::Failure& failure) {
     require(failure.what()[0] != '\0', "a failure says what failed");
   }

@@ -77,12 +77,14 @@ void run(Bytes bytes) {
   }
   if (count < 12) {
     if (const auto kept = uwbpos::locate_excluding(paired, options)) {
-      require_finite<S, D>(kept->fix.position);
-      check_covariance<S, D>(kept->fix.covariance);
+      check_kept<S, D>(*kept, count);
     }
   }
   const Vec<S, D> position = fix ? fix->position : options.side;
   if (const auto bound = uwbpos::cramer_rao_bound(reference, shared, sigma, position)) {
+    check_covariance<S, D>(*bound);
+  }
+  if (const auto bound = uwbpos::cramer_rao_bound(paired, position)) {
     check_covariance<S, D>(*bound);
   }
   if (const auto dop = uwbpos::pseudorange_dop(std::span{anchors.data(), count}, position)) {

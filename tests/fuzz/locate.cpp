@@ -13,6 +13,7 @@
 
 #include "uwbpos/accuracy/cramer_rao.hpp"
 #include "uwbpos/accuracy/dop.hpp"
+#include "uwbpos/solve/exclude_outliers.hpp"
 #include "uwbpos/solve/toa_chan.hpp"
 #include "uwbpos/solve/toa_closed_form.hpp"
 #include "uwbpos/solve/toa_least_squares.hpp"
@@ -53,6 +54,12 @@ void run(Bytes bytes) {
   if (const auto mirror = uwbpos::toa_closed_form(ranges)) {
     for (const S coordinate : mirror->first) require(std::isfinite(coordinate), "first image");
     for (const S coordinate : mirror->second) require(std::isfinite(coordinate), "second image");
+  }
+
+  if (count < 12) {
+    if (const auto kept = uwbpos::locate_excluding(ranges, options)) {
+      check_kept<S, D>(*kept, count);
+    }
   }
 
   const uwbpos::Vec<S, D> position = fix ? fix->position : options.side;

@@ -268,6 +268,32 @@ TEST_CASE("Trajectories: comments, CRLF, malformed rows, and no row at all") {
                  "holds no pose"));
 }
 
+TEST_CASE("Trajectories as far as numbers reach have a pose between any two") {
+  const Files files;
+  Problems problems{false, true};
+  const Trajectory truth = read_trajectory(
+      files.write("far.tum", "-1.6e308 -1.6e308 0 1 0 0 0 1\n1.6e308 1.6e308 0 3 0 0 0 1\n"),
+      problems);
+  const auto at = truth.at(0.8e308);
+  REQUIRE(at);
+  CHECK(at->position[0] == doctest::Approx(0.8e308));
+  CHECK(at->position[2] == doctest::Approx(2.5));
+}
+
+TEST_CASE("A clock that was set back is not mended where times would overflow") {
+  const Files files;
+  Problems problems{false, true};
+  std::string rows = "t_s,anchor_id,range_m\n";
+  for (int k = 1; k <= 8; ++k) rows += std::to_string(k) + "e307,1,3\n";
+  for (int k = 0; k < 32; ++k) rows += std::to_string(150 + k) + "e305,1,3\n";
+  const auto mended = read_ranges(files.write("mended.csv", rows), problems);
+  CHECK(mended.counts.clock_resets.size() == 1);
+  const auto left = read_ranges(files.write("left.csv", rows + "17.5e307,1,3\n"), problems);
+  CHECK(left.counts.clock_resets.empty());
+  REQUIRE(left.rows.size() == 41);
+  CHECK(left.rows.back().t == 17.5e307);
+}
+
 }  // namespace
 
 }  // namespace tests::host_csv

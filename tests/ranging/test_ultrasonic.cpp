@@ -73,6 +73,11 @@ TEST_CASE_TEMPLATE("ultrasonic length: what cannot be is refused by name", S, fl
   CHECK(ultrasonic_length<S>(0).error() == Error::NegativeTimeOfFlight);
   CHECK(ultrasonic_length<S>(3, {.circuit_delay = S(2e-6)}).error() == Error::NegativeTimeOfFlight);
   CHECK(ultrasonic_length<S>(0xffffffff).error() == Error::RangeBeyondMaximum);
+  const S huge = std::numeric_limits<S>::max();
+  CHECK(ultrasonic_length<S>(1000, {.sigma_time = huge}).error() == Error::NumericOverflow);
+  CHECK(ultrasonic_length<S>(1000, {.sigma_temperature = huge}).error() == Error::NumericOverflow);
+  const S slow = std::numeric_limits<S>::denorm_min();
+  CHECK(ultrasonic_wavelength<S>(S(24), slow).error() == Error::NumericOverflow);
 }
 
 }  // namespace tests::ranging_ultrasonic

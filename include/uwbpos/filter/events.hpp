@@ -49,6 +49,13 @@ struct Event {
   bool used = false;  ///< by the track as it stands
 };
 
+/// Whether an event is a difference that shares an arrival with others of its time.
+template <class S>
+[[nodiscard]] bool is_shared(const Event<S>& event) {
+  const auto* arrival = std::get_if<ArrivalEvent<S>>(&event.what);
+  return arrival != nullptr && arrival->is_difference && arrival->shared;
+}
+
 /// Whether two events are one and the same measurement, told twice: time, what it is of and every
 /// number. O(1).
 template <class S>

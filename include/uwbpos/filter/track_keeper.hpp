@@ -86,6 +86,13 @@ class TrackKeeper {
     return __builtin_sub_overflow(to, from, &gap) || gap > options_.max_gap;
   }
 
+  // Whether an event of this time would have the rest of a blink done over whose first differences
+  // were dropped: it is not known any more what they share.
+  [[nodiscard]] bool cuts_blink(std::int64_t time) {
+    return window_.forgot() && is_shared(window_[0]) &&
+           window_[0].time == window_.snapshot(0).time && time < window_[Size.stride - 1].time;
+  }
+
   // Times that do not fit are refused until eight in a row fit each other.
   [[nodiscard]] std::optional<Error> stray(std::int64_t time) {
     std::optional<Error> error;
@@ -95,7 +102,7 @@ class TrackKeeper {
       if (beyond_gap(last, time)) error = Error::GapTooLong;
       // What was used of the last time that was dropped is not known any more.
       const bool before = time < first || (time == first && window_.forgot() && time < last);
-      if (tracking_ ? before : beyond_gap(time, last)) error = Error::TooOld;
+      if (tracking_ ? before || cuts_blink(time) : beyond_gap(time, last)) error = Error::TooOld;
     }
     if (!error) {
       strays_ = 0;
@@ -191,7 +198,7 @@ class TrackKeeper {
     if (Motion::kHasHeading && !heading) return false;
     head_ = begun_track<Motion, Size.biases>(options_, fix, heading.value_or(Measured<S>{}), set,
                                              window_.events());
-    now_ = time;
+    now_ = tracking_ ? std::max(now_, time) : time;
     tracking_ = true;
     window_.restart();
     watch_.reset(time);

@@ -29,19 +29,27 @@ struct TrackerOptions {
   std::int64_t fix_window = 500'000;  ///< a first fix takes measurements this old [µs]
   std::int64_t patience = 500'000;    ///< without a used one before a locked-out filter asks
                                       ///< its measurements for another place [µs]
-  std::int64_t max_gap = 5'000'000;   ///< without a used one, then the track is lost [µs]
+  std::int64_t max_gap = 5'000'000;   ///< without a used one, then the track is lost [µs];
+                                      ///< at most `kLongestTrackGap`
 };
 
-/// Whether all options lie in their domain.
+/// The longest `TrackerOptions::max_gap`, an hour [µs]: a pose is told in steps of a tenth of a
+/// second from the last measurement on.
+inline constexpr std::int64_t kLongestTrackGap = 3'600'000'000;
+
+/// Whether all options lie in their domain: what is positive is so and finite, deviations at most
+/// 10⁶ of their unit, `max_gap` at most `kLongestTrackGap`, the motion by its own word.
 template <class Motion>
 [[nodiscard]] bool is_valid(const TrackerOptions<Motion>& o) {
   using S = typename Motion::Scalar;
   const auto positive = [](S x) { return x > S(0) && std::isfinite(x); };
+  const auto deviation = [](S x) { return x > S(0) && is_noise(x); };
   const bool heading =
-      !o.heading || (std::isfinite(o.heading->value) && positive(o.heading->variance));
-  return is_valid(o.model.gate) && positive(o.model.bias_sigma) && positive(o.model.bias_time) &&
-         positive(o.speed_sigma) && !check_options(o.locate) && heading && o.fix_window > 0 &&
-         o.patience > 0 && o.max_gap > 0;
+      !o.heading || (std::isfinite(o.heading->value) && deviation(o.heading->variance));
+  return o.model.motion.is_valid() && is_valid(o.model.gate) && deviation(o.model.bias_sigma) &&
+         positive(o.model.bias_time) && deviation(o.speed_sigma) && !check_options(o.locate) &&
+         heading && o.fix_window > 0 && o.patience > 0 && o.max_gap > 0 &&
+         o.max_gap <= kLongestTrackGap;
 }
 
 /// Sizes of a tracker, all fixed.

@@ -12,13 +12,11 @@
 /// transforms. So when the tag leaves the old subnet, the new one has been brought to where the old
 /// one was. What stays is the error that both have in common, and every fix's covariance holds it.
 
-#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <span>
 #include <type_traits>
@@ -72,6 +70,7 @@ template <class S, int D, int Capacity>
   Result<JointFix<S, D>> joint = joint_fix_of(subnets, heard, chosen);
   if (!joint) return std::unexpected(joint.error());
   const S disagreement = joint->chi_squared;
+  if (std::isnan(disagreement)) return std::unexpected(Error::NumericOverflow);
   int fused = heard.size;
   while (fused > 1 &&
          !(joint->chi_squared <= chi_squared_gate(joint->degrees_of_freedom, options.gate))) {
@@ -109,19 +108,22 @@ template <class S, int D, int Capacity>
       .fused = fused,
       .used = {},
       .leading = 0};
-  S best = std::numeric_limits<S>::infinity();
+  std::size_t best = fixes.size();
   for (std::size_t i = 0; i < fixes.size(); ++i) {
     if ((chosen >> i & 1U) == 0) continue;
     result.used[i] = true;
     result.fix.chi_squared += fixes[i].fix.chi_squared;
     result.fix.degrees_of_freedom += fixes[i].fix.degrees_of_freedom;
-    if (variance[i] < best) {
-      best = variance[i];
-      result.leading = fixes[i].subnet;
-    }
+    if (best == fixes.size() || variance[i] < variance[best]) best = i;
   }
-  if (!all_finite(result.fix.position) || !all_finite(result.fix.covariance)) {
+  result.leading = fixes[best].subnet;
+  if (!all_finite(result.fix.position) || !all_finite(result.fix.covariance) ||
+      !std::isfinite(result.fix.chi_squared)) {
     return std::unexpected(Error::NumericOverflow);
+  }
+  // Of variances too far apart for the scalar, turned into the map, none may be left.
+  if (!Ldlt<S, D>{result.fix.covariance}.positive_definite()) {
+    return std::unexpected(Error::InvalidCovariance);
   }
   return result;
 }
@@ -138,7 +140,8 @@ template <class S>
 /// or four the odd one is left out, of two the one with the larger covariance; `MapFix` says so.
 /// O(n³·D³) for n fixes, no allocation.
 /// Errors: TooFewMeasurements, none; TooManyMeasurements, more than `kMaxHeard`; UnknownSubnet;
-/// DuplicateSubnet; NotFinite; InvalidCovariance; InvalidOption.
+/// DuplicateSubnet; NotFinite; InvalidCovariance, one that is none, or whose variances are too far
+/// apart to be turned into the map; InvalidOption; NumericOverflow, numbers beyond the scalar.
 template <class S, int D, int Capacity>
 [[nodiscard]] Result<MapFix<S, D>> fuse_fixes(
     const Subnets<S, D, Capacity>& subnets,
@@ -148,38 +151,6 @@ template <class S, int D, int Capacity>
   const Result<Heard<S, D>> heard = sightings_of<S, D>(subnets, fixes);
   if (!heard) return std::unexpected(heard.error());
   return fuse_heard<S, D>(subnets, fixes, *heard, options);
-}
-
-/// How two sightings may lie to each other for what their transforms are not known, the trace [m²]
-/// of cov(J_a ξ_a − J_b ξ_b); zero where that is less than rounding leaves of it.
-template <class S, int D, int Capacity>
-[[nodiscard]] S systematic_variance(const Subnets<S, D, Capacity>& subnets, const Sighting<S, D>& a,
-                                    const Sighting<S, D>& b) {
-  const S own = congruence(a.jacobian, subnets.covariance(a.slot, a.slot)).trace() +
-                congruence(b.jacobian, subnets.covariance(b.slot, b.slot)).trace();
-  const S shared =
-      product(product(a.jacobian, subnets.covariance(a.slot, b.slot)), transposed(b.jacobian))
-          .trace();
-  const S left = own - S(2) * shared;
-  return left > S(1000) * std::numeric_limits<S>::epsilon() * own ? left : S(0);
-}
-
-/// What the first order leaves out of two sightings' difference [m²]: the square of θ²·r, θ the
-/// turn of their subnets against each other and r the longer arm.
-template <class S, int D, int Capacity>
-[[nodiscard]] S second_order_variance(const Subnets<S, D, Capacity>& subnets,
-                                      const Sighting<S, D>& a, const Sighting<S, D>& b) {
-  constexpr int K = kTurnDof<D>;
-  const Mat<S, kTransformDof<D>> difference =
-      subnets.covariance(a.slot, a.slot) + subnets.covariance(b.slot, b.slot) -
-      subnets.covariance(a.slot, b.slot) - subnets.covariance(b.slot, a.slot);
-  const S turn = difference.template bottomRightCorner<K, K>().trace();
-  S arms[2] = {};
-  for (int k = D; k < D + K; ++k) {
-    arms[0] += squared_norm<S, D>(a.jacobian.col(k));
-    arms[1] += squared_norm<S, D>(b.jacobian.col(k));
-  }
-  return turn * turn * std::max(arms[0], arms[1]);
 }
 
 /// `fuse_fixes`, after which the transforms learn from the fixes that agree, if there are two or

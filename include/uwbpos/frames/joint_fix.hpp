@@ -15,8 +15,11 @@
 /// \f[ \hat p \mathrel{+}= A S^{-1} y, \quad \hat\xi \mathrel{+}= B S^{-1} y, \quad
 ///     P \mathrel{-}= B S^{-1} B^T, \quad \chi^2 \mathrel{+}= y^T S^{-1} y. \tag{3} \f]
 /// With independent transforms that is the mean weighted by inverse covariances; once the
-/// differences between subnets are known it no longer counts them as errors.
+/// differences between subnets are known it no longer counts them as errors. The covariance of p is
+/// that of \f$ (I - K)\,e + K\,(J_i \xi_i - n_i),\ K = A S^{-1} \f$: in A S⁻¹ Aᵀ subtracted, a
+/// good fix that follows a bad one would vanish in rounding.
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <span>
@@ -98,8 +101,12 @@ template <class S, int D, int Slots>
         product<S, D, K, 1>(s.jacobian, errors.mean.template segment<K>(s.slot * K));
     const Vec<S, D> scaled = product(inverse, y);
     joint.position += product(a, scaled);
-    joint.covariance -= congruence(a, inverse);
-    joint.chi_squared += dot(y, scaled);
+    const Mat<S, D> gain = product(a, inverse);
+    const Mat<S, D> rest = Mat<S, D>::Identity() - gain;
+    const Mat<S, D> shared = product(product(rest, mixed), transposed(gain));
+    joint.covariance = congruence(rest, joint.covariance) + (shared + transposed(shared)) +
+                       congruence(gain, Mat<S, D>{of_transform + s.noise});
+    joint.chi_squared += std::max(dot(y, scaled), S(0));  // rounding apart
     joint.degrees_of_freedom += D;
     const Across weighted = product(inverse, bt);
     across -= product(a, weighted);

@@ -5,10 +5,12 @@
 /// @file
 /// Fixes of several subnets, checked and brought to the map, and the joint fix of any of them.
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 #include "uwbpos/core/covariance.hpp"
@@ -64,6 +66,38 @@ template <class S, int D, int Capacity>
         .slot = *place};
   }
   return heard;
+}
+
+/// How two sightings may lie to each other for what their transforms are not known, the trace [m²]
+/// of cov(J_a ξ_a − J_b ξ_b); zero where that is less than rounding leaves of it.
+template <class S, int D, int Capacity>
+[[nodiscard]] S systematic_variance(const Subnets<S, D, Capacity>& subnets, const Sighting<S, D>& a,
+                                    const Sighting<S, D>& b) {
+  const S own = congruence(a.jacobian, subnets.covariance(a.slot, a.slot)).trace() +
+                congruence(b.jacobian, subnets.covariance(b.slot, b.slot)).trace();
+  const S shared =
+      product(product(a.jacobian, subnets.covariance(a.slot, b.slot)), transposed(b.jacobian))
+          .trace();
+  const S left = own - S(2) * shared;
+  return left > S(1000) * std::numeric_limits<S>::epsilon() * own ? left : S(0);
+}
+
+/// What the first order leaves out of two sightings' difference [m²]: the square of θ²·r, θ the
+/// turn of their subnets against each other and r the longer arm.
+template <class S, int D, int Capacity>
+[[nodiscard]] S second_order_variance(const Subnets<S, D, Capacity>& subnets,
+                                      const Sighting<S, D>& a, const Sighting<S, D>& b) {
+  constexpr int K = kTurnDof<D>;
+  const Mat<S, kTransformDof<D>> difference =
+      subnets.covariance(a.slot, a.slot) + subnets.covariance(b.slot, b.slot) -
+      subnets.covariance(a.slot, b.slot) - subnets.covariance(b.slot, a.slot);
+  const S turn = difference.template bottomRightCorner<K, K>().trace();
+  S arms[2] = {};
+  for (int k = D; k < D + K; ++k) {
+    arms[0] += squared_norm<S, D>(a.jacobian.col(k));
+    arms[1] += squared_norm<S, D>(b.jacobian.col(k));
+  }
+  return turn * turn * std::max(arms[0], arms[1]);
 }
 
 /// The joint fix of those sightings whose bit in `chosen` is set, at least one.

@@ -77,7 +77,8 @@ struct UltrasonicOptions {
 /// Length [m] of `count` ticks of flight by (2), and its variance [m²] by (3). O(1), no allocation.
 /// Errors: NotFinite, an option; InvalidOption, a tick or a longest length that is not positive, a
 /// negative delay; NonPositiveSigma, a negative sigma; TemperatureOutOfRange;
-/// NegativeTimeOfFlight, a count within the circuit's delay; RangeBeyondMaximum.
+/// NegativeTimeOfFlight, a count within the circuit's delay; RangeBeyondMaximum; NumericOverflow, a
+/// sigma whose square is none.
 template <class S>
 [[nodiscard]] Result<Measured<S>> ultrasonic_length(std::uint32_t count,
                                                     const UltrasonicOptions<S>& options = {}) {
@@ -100,19 +101,24 @@ template <class S>
   const S time_variance = o.sigma_time * o.sigma_time + o.tick * o.tick / S(12);
   const S by_temperature =
       length * o.sigma_temperature / (S(2) * (kZeroCelsius<S> + o.temperature));
-  return Measured<S>{length, *speed * *speed * time_variance + by_temperature * by_temperature};
+  const S variance = *speed * *speed * time_variance + by_temperature * by_temperature;
+  if (!std::isfinite(variance)) return std::unexpected(Error::NumericOverflow);
+  return Measured<S>{length, variance};
 }
 
 /// Wavelength [m] of a transducer's `frequency` [Hz] in air of `temperature` [°C]; 8.643 mm for
 /// 40 kHz at 24 °C. O(1), no allocation.
-/// Errors: those of `speed_of_sound`; NotFinite, InvalidOption for a frequency not above zero.
+/// Errors: those of `speed_of_sound`; NotFinite, InvalidOption for a frequency not above zero;
+/// NumericOverflow, one so low that its waves have no length.
 template <class S>
 [[nodiscard]] Result<S> ultrasonic_wavelength(S temperature, S frequency = S(40000)) {
   if (!std::isfinite(frequency)) return std::unexpected(Error::NotFinite);
   if (!(frequency > S(0))) return std::unexpected(Error::InvalidOption);
   const Result<S> speed = speed_of_sound(temperature);
   if (!speed) return std::unexpected(speed.error());
-  return *speed / frequency;
+  const S length = *speed / frequency;
+  if (!std::isfinite(length)) return std::unexpected(Error::NumericOverflow);
+  return length;
 }
 
 }  // namespace uwbpos

@@ -45,6 +45,9 @@ struct ConstantVelocity {
   S acceleration = S(1);  ///< σ_a [m/s²/√Hz]: the velocity wanders by this in a second
   S height = S(0);        ///< of the body in the plane, D = 2 [m]
 
+  /// Whether all of these lie in their domain.
+  [[nodiscard]] bool is_valid() const { return is_noise(acceleration) && is_height(height); }
+
   /// Moves the state by `t` [s]. No allocation.
   [[nodiscard]] Propagation<S, kDof, kDof> propagate(State& state, const Input&, S t) const {
     Propagation<S, kDof, kDof> step;

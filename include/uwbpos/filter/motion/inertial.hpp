@@ -80,6 +80,15 @@ struct Inertial {
   S blind_acceleration = S(3);          ///< density of the unknown acceleration [m/s²/√Hz]
   S blind_turn = S(1);                  ///< density of the unknown turn rate [rad/s/√Hz]
 
+  /// Whether all of these lie in their domain; gravity within 1000 m/s².
+  [[nodiscard]] bool is_valid() const {
+    return is_noise(accelerometer_noise) && is_noise(gyro_noise) &&
+           is_noise(accelerometer_wander) && is_noise(gyro_wander) &&
+           is_noise(accelerometer_bias_sigma) && is_noise(gyro_bias_sigma) &&
+           is_noise(tilt_sigma) && is_noise(blind_acceleration) && is_noise(blind_turn) &&
+           is_noise(max_silence) && gravity >= S(-1000) && gravity <= S(1000);
+  }
+
   /// Moves the state by `t` [s], (1) and (2). No allocation.
   [[nodiscard]] Propagation<S, 15, 15> propagate(State& state, const Input& input, S t) const {
     Propagation<S, 15, 15> step;

@@ -52,7 +52,14 @@ struct PlanarBody {
   S sideward_acceleration = S(0.5);  ///< sideward [m/s²/√Hz]
   S turn_acceleration = S(1);        ///< angular [rad/s²/√Hz]
   S height = S(0);                   ///< of the body's origin [m]
-  S gyro_sigma = S(0.02);            ///< of a gyro's turn rate, its bias included [rad/s]
+  S gyro_sigma = S(0.02);            ///< of a gyro's turn rate, bias included, > 1e-9 [rad/s]
+
+  /// Whether all of these lie in their domain.
+  [[nodiscard]] bool is_valid() const {
+    return is_noise(acceleration) && is_noise(sideward_acceleration) &&
+           is_noise(turn_acceleration) && is_height(height) && is_noise(gyro_sigma) &&
+           gyro_sigma > S(1e-9);
+  }
 
   /// Moves the state by `t` [s]. No allocation.
   [[nodiscard]] Propagation<S, 6, 6> propagate(State& state, const Input&, S t) const {

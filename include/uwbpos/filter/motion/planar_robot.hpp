@@ -51,7 +51,13 @@ struct PlanarRobot {
   S turn_acceleration = S(2);  ///< angular [rad/s²/√Hz]
   S slip = S(0.01);            ///< sideways [m/√s]
   S height = S(0);             ///< of the body's origin [m]
-  S gyro_sigma = S(0.02);      ///< of a gyro's turn rate, its bias included [rad/s]
+  S gyro_sigma = S(0.02);      ///< of a gyro's turn rate, its bias included, > 1e-9 [rad/s]
+
+  /// Whether all of these lie in their domain.
+  [[nodiscard]] bool is_valid() const {
+    return is_noise(acceleration) && is_noise(turn_acceleration) && is_noise(slip) &&
+           is_height(height) && is_noise(gyro_sigma) && gyro_sigma > S(1e-9);
+  }
 
   /// Moves the state by `t` [s]. No allocation.
   [[nodiscard]] Propagation<S, 5, 5> propagate(State& state, const Input&, S t) const {

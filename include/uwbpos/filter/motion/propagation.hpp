@@ -19,6 +19,19 @@ struct Propagation {
   Vec<S, Q> q = Vec<S, Q>::Zero();                            ///< variances of the noises
 };
 
+/// Whether a noise or a deviation of a motion lies in its domain, 0 … 10⁶ of its unit: float holds
+/// what becomes of its square.
+template <class S>
+[[nodiscard]] constexpr bool is_noise(S sigma) {
+  return sigma >= S(0) && sigma <= S(1e6);
+}
+
+/// Whether a height lies in its domain, within 10⁶ m of zero.
+template <class S>
+[[nodiscard]] constexpr bool is_height(S height) {
+  return height >= S(-1e6) && height <= S(1e6);
+}
+
 /// For a model that nothing drives.
 struct NoInput {};
 
@@ -38,6 +51,7 @@ template <class M>
 concept MotionModel =
     requires(const M& model, typename M::State state, typename M::Input input, typename M::Scalar s,
              const Vec<typename M::Scalar, 3>& v, Vec<typename M::Scalar, M::kDof> step) {
+      { model.is_valid() } -> std::same_as<bool>;
       { model.propagate(state, input, s) };
       { model.correct(state, step) };
       { model.place(state, v) } -> std::same_as<Vec<typename M::Scalar, 3>>;
