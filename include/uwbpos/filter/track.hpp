@@ -66,28 +66,18 @@ template <class Motion, int Biases>
 void step_by(Track<Motion, Biases>& track, const TrackModel<Motion>& model,
              typename Motion::Scalar t) {
   using S = typename Motion::Scalar;
-  constexpr int n = Motion::kDof;
-  constexpr int all = Track<Motion, Biases>::kDof;
   const auto step = model.motion.propagate(track.state, track.input, t);
   if constexpr (requires { track.input.age; }) track.input.age += t;
   if constexpr (Biases == 0) {
     track.covariance.predict(step.f, step.g, step.q);
   } else {
-    constexpr int noises = decltype(step.q)::RowsAtCompileTime;
-    Mat<S, all> f = Mat<S, all>::Identity();
-    Eigen::Matrix<S, all, noises + Biases> g = Eigen::Matrix<S, all, noises + Biases>::Zero();
-    Vec<S, noises + Biases> q;
-    f.template topLeftCorner<n, n>() = step.f;
-    g.template topLeftCorner<n, noises>() = step.g;
-    q.template head<noises>() = step.q;
+    track.covariance.predict_first(step.f, step.g, step.q);
     const S kept = exponential(-t / model.bias_time);  // (1)
+    const S fresh = model.bias_sigma * model.bias_sigma * (S(1) - kept * kept);
     for (int k = 0; k < Biases; ++k) {
       track.bias[k] *= kept;
-      f(n + k, n + k) = kept;
-      g(n + k, noises + k) = S(1);
-      q[noises + k] = model.bias_sigma * model.bias_sigma * (S(1) - kept * kept);
+      track.covariance.predict_process(Motion::kDof + k, kept, fresh);
     }
-    track.covariance.predict(f, g, q);
   }
 }
 
