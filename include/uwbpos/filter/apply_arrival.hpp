@@ -13,6 +13,7 @@
 ///     \qquad \mathrm{var} = \sigma^2 \left( 1 + \tfrac1k \right): \tag{1} \f]
 /// the arrival k against the mean of all arrivals before. Refused ones are left out of the mean.
 
+#include <algorithm>
 #include <span>
 
 #include "uwbpos/filter/events.hpp"
@@ -98,6 +99,7 @@ template <class Motion, int Biases, class S>
     Vec<S, Track<Motion, Biases>::kDof> whole = Vec<S, Track<Motion, Biases>::kDof>::Zero();
     whole.template head<Motion::kPoseDof>() = row;
     whole.template tail<Biases>() = sum.by_bias;
+    track.heard = std::min(std::max({track.heard, event.bias_a + 1, event.bias_b + 1}), Biases);
     return gated_correct(track, model, whole, S(value - sum.predicted), noise, slope);
   }
 }

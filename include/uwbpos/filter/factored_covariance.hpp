@@ -127,9 +127,10 @@ class FactoredCovariance {
   }
 
   /// (2) and (3) for a row projected before, of this very covariance, and a noise variance
-  /// `noise` > 0. Returns the gain K. O(M·N), M + 1 divisions.
+  /// `noise` > 0. States from `size` on are correlated to none, and no part of the row. Returns the
+  /// gain K. O(M·size), M + 1 divisions.
   template <int M>
-  Vec<S, N> update(const ProjectedRow<S, M>& row, S noise) {
+  Vec<S, N> update(const ProjectedRow<S, M>& row, S noise, int size = N) {
     Vec<S, N> b = Vec<S, N>::Zero();
     S inverse = S(1) / noise;  // of α
     S alpha = noise;
@@ -142,7 +143,7 @@ class FactoredCovariance {
       alpha += f * g;
       inverse = S(1) / alpha;
       d_[j] *= before * inverse;
-      for (int i = j + 1; i < N; ++i) {
+      for (int i = j + 1; i < size; ++i) {
         const S old = l_(i, j);
         l_(i, j) = old - step * b[i];
         b[i] += g * old;
@@ -171,20 +172,21 @@ class FactoredCovariance {
     Vec<S, N + Q> weight;
     for (int k = 0; k < N; ++k) weight[k] = d_[k];
     for (int k = 0; k < Q; ++k) weight[N + k] = q[k];
-    detail::orthogonalise<N>(l_, d_, w, weight);
+    detail::orthogonalise<N>(l_, d_, w, weight, N);
   }
 
-  /// The same where only the first M states move, by `f` and the noises of `g`, and all others stay.
-  /// O(N²(M + Q)).
+  /// The same where only the first M states move, by `f` and the noises of `g`, and all others stay;
+  /// those from `size` on are correlated to none. O(size²·(M + Q)).
   template <int M, int Q>
-  void predict_first(const Mat<S, M>& f, const Eigen::Matrix<S, M, Q>& g, const Vec<S, Q>& q) {
-    detail::predict_first(l_, d_, f, g, q);
+  void predict_first(const Mat<S, M>& f, const Eigen::Matrix<S, M, Q>& g, const Vec<S, Q>& q,
+                     int size = N) {
+    detail::predict_first(l_, d_, f, g, q, size);
   }
 
-  /// State k becomes `kept` times itself and a noise of variance `noise` ≥ 0. O((N − k)²), O(N)
-  /// for one that is correlated to none after it.
-  void predict_process(int k, S kept, S noise) {
-    detail::predict_process(l_, d_, k, kept, noise);
+  /// State k becomes `kept` times itself and a noise of variance `noise` ≥ 0; states from `size` on
+  /// are correlated to none. O((size − k)²).
+  void predict_process(int k, S kept, S noise, int size = N) {
+    detail::predict_process(l_, d_, k, kept, noise, size);
   }
 
   /// L; its strictly upper part is zero.

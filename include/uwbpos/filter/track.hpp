@@ -52,6 +52,7 @@ struct Track {
   typename Motion::Input input{};                ///< that drives it
   Vec<S, Biases> bias = Vec<S, Biases>::Zero();  ///< of ranges, estimate minus truth [m]
   FactoredCovariance<S, kDof> covariance;        ///< of the errors of state and biases
+  int heard = 0;                                 ///< biases that a measurement has touched
 };
 
 /// Seconds from `from` to `to`, exact until the division: float loses nothing of the epoch.
@@ -71,12 +72,14 @@ void step_by(Track<Motion, Biases>& track, const TrackModel<Motion>& model,
   if constexpr (Biases == 0) {
     track.covariance.predict(step.f, step.g, step.q);
   } else {
-    track.covariance.predict_first(step.f, step.g, step.q);
+    // What was not heard stays as it was: on its own, of variance σ_b².
+    const int size = Motion::kDof + track.heard;
+    track.covariance.predict_first(step.f, step.g, step.q, size);
     const S kept = exponential(-t / model.bias_time);  // (1)
     const S fresh = model.bias_sigma * model.bias_sigma * (S(1) - kept * kept);
-    for (int k = 0; k < Biases; ++k) {
+    for (int k = 0; k < track.heard; ++k) {
       track.bias[k] *= kept;
-      track.covariance.predict_process(Motion::kDof + k, kept, fresh);
+      track.covariance.predict_process(Motion::kDof + k, kept, fresh, size);
     }
   }
 }
@@ -101,7 +104,8 @@ void advance(Track<Motion, Biases>& track, const TrackModel<Motion>& model, std:
 template <class Motion, int Biases, class S, int M>
 void correct(Track<Motion, Biases>& track, const Motion& motion, const ProjectedRow<S, M>& row,
              S innovation, S noise) {
-  Vec<S, Track<Motion, Biases>::kDof> step = track.covariance.update(row, noise);
+  Vec<S, Track<Motion, Biases>::kDof> step =
+      track.covariance.update(row, noise, Motion::kDof + track.heard);
   step *= innovation;
   motion.correct(track.state, step.template head<Motion::kDof>());
   for (int k = 0; k < Biases; ++k) track.bias[k] += step[Motion::kDof + k];

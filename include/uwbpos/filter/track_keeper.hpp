@@ -40,12 +40,12 @@ class TrackKeeper {
     const int place = window_.insert(event);
     if (tracking_ && beyond_gap(head_.used_at, event.time)) tracking_ = false;
     if (!tracking_) {
-      return begin() ? TrackUpdate<S>{TrackEvent::Started} : TrackUpdate<S>{TrackEvent::Gathered};
+      return tries(event) && begin() ? TrackUpdate<S>{TrackEvent::Started} : TrackUpdate<S>{TrackEvent::Gathered};
     }
     const Result<Innovation<S>> result = replay_from(place);
     if (!result || result->dimension > 0) watch_.add(result.has_value(), event.time);
     if (result) return TrackUpdate<S>{TrackEvent::Used, *result};
-    if (watch_.suspicious(event.time, options_.patience) && begin()) {
+    if (watch_.suspicious(event.time, options_.patience) && tries(event) && begin()) {
       return TrackUpdate<S>{TrackEvent::Reopened};
     }
     return std::unexpected(result.error());
@@ -147,12 +147,21 @@ class TrackKeeper {
     return options_.heading;
   }
 
+  // Whether to look for a beginning at this event: one that tells of a place, and not before enough
+  // of what did not agree may be another.
+  [[nodiscard]] bool tries(const Event<S>& event) {
+    if (std::holds_alternative<ImuSample<S>>(event.what)) return false;
+    return --pause_ < 0;
+  }
+
   // Begins a track at the last event if the recent ones agree on a place.
   [[nodiscard]] bool begin() {
     const std::int64_t time = window_.events().back().time;
     const S bias = Size.biases > 0 ? options_.model.bias_sigma : S(0);
     const FirstReadings<S> set = gather_first_readings<S>(window_.events(), options_.fix_window,
                                                           options_.speed_sigma, bias * bias);
+    constexpr int kShare = 4;
+    pause_ = set.count / kShare;
     FirstFixOptions<S, kDimension> options;
     options.locate = options_.locate;
     if (tracking_ && !options.locate.prior) {
@@ -167,8 +176,12 @@ class TrackKeeper {
     options.heading = known_heading(set);
     FirstFix<S, kDimension> fix;
     if (const auto found = first_fix<S, kDimension>(set, options)) {
+      // Of a few readings one that lies may agree with the wrong ones: more are waited for, as long
+      // as they come and the window lasts.
+      constexpr int kPlenty = 4;
       const bool waited = time - window_.events().front().time >= options_.fix_window;
-      if (found->degrees_of_freedom < 2 && !waited) return false;
+      const int wanted = waited ? 1 : set.repeated ? 2 : kPlenty;
+      if (found->degrees_of_freedom < wanted) return false;
       fix = *found;
     } else if (set.position) {
       fix.position = set.position->position.template head<kDimension>();
@@ -193,6 +206,7 @@ class TrackKeeper {
                                              window_.events());
     now_ = time;
     tracking_ = true;
+    pause_ = 0;
     window_.restart();
     watch_.reset(time);
     departure_.restart();
@@ -207,6 +221,7 @@ class TrackKeeper {
   std::int64_t now_ = std::numeric_limits<std::int64_t>::min();
   std::int64_t stray_time_ = 0;
   int strays_ = 0;
+  int pause_ = 0;  // events before a beginning is looked for again
   bool tracking_ = false;
 };
 

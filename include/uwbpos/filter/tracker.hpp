@@ -53,6 +53,14 @@ class Tracker {
     return tags_.add(id, lever);
   }
 
+  /// Gives an anchor's ranges, or with `Size.bias_by_link` those of a tag to it, one of the
+  /// `Size.biases` before any is heard; all others follow as they are heard. Errors:
+  /// CapacityExceeded, all are taken.
+  [[nodiscard]] Result<void> expect_bias(std::uint32_t anchor, std::uint32_t tag = 0) {
+    if (biased_.place(biased(anchor, tag)) < 0) return std::unexpected(Error::CapacityExceeded);
+    return {};
+  }
+
   /// A measurement of any kind. Errors after which nothing has changed: UnknownAnchor, UnknownTag,
   /// NotFinite, NonPositiveSigma, NumericOverflow (a sigma whose square is), NegativeRange,
   /// ImpossibleDifference, DuplicateAnchor (a difference of an anchor to itself),
