@@ -441,25 +441,74 @@ BankOptions bank_options(const Settings& settings, const Site& site, const Plan&
   return o;
 }
 
-// RMSE of what is neither interrupted nor on its way back; nothing without truth.
-template <class Track, class ErrorOf>
-std::optional<double> settled_rmse(const Filtering& filtering, int dim, const Track& track,
-                                   const ErrorOf& error_of) {
+// An error against truth.
+struct TrackError {
+  double t;
+  Id tag;
+  double error;  // [m]
+};
+
+std::vector<TrackError> errors_of(const Replay& result) {
+  std::vector<TrackError> errors;
+  if (result.body) {
+    for (const SolvedPose& p : result.body->track) {
+      if (!p.truth) continue;
+      errors.push_back(
+          {p.t, kBody, error_length(p.pose.position - p.truth->position, result.dim)});
+    }
+  } else {
+    for (const Position& p : result.track) {
+      if (!p.truth) continue;
+      errors.push_back({p.t, p.tag, error_length(p.position - *p.truth, result.dim)});
+    }
+  }
+  return errors;
+}
+
+// Neither interrupted nor on its way back.
+bool is_settled(const Filtering& filtering, double t) {
+  return std::ranges::none_of(filtering.interruptions, [&](const Interruption& i) {
+    return t > i.t - i.silent && (!i.recovery || t < i.t + *i.recovery);
+  });
+}
+
+// RMSE of what is settled; nothing without truth.
+std::optional<double> settled_rmse(const Filtering& filtering,
+                                   const std::vector<TrackError>& errors) {
   double sum = 0;
   std::size_t count = 0;
-  for (const auto& p : track) {
-    const bool interrupted =
-        std::ranges::any_of(filtering.interruptions, [&](const Interruption& i) {
-          return p.t > i.t - i.silent && (!i.recovery || p.t < i.t + *i.recovery);
-        });
-    const auto error = error_of(p);
-    if (interrupted || !error) continue;
-    const double length = error_length(*error, dim);
-    sum += length * length;
+  for (const TrackError& e : errors) {
+    if (!is_settled(filtering, e.t)) continue;
+    sum += e.error * e.error;
     ++count;
   }
   if (count == 0) return std::nullopt;
   return std::sqrt(sum / static_cast<double>(count));
+}
+
+// How long recoveries took as truth has it.
+void judge_recoveries(const std::vector<TrackError>& errors, bool one_body, Filtering& filtering) {
+  constexpr double times = 2;
+  constexpr std::size_t steady = 5;
+  for (Interruption& i : filtering.interruptions) {
+    std::vector<double> settled;
+    std::vector<TrackError> after;
+    for (const TrackError& e : errors) {
+      if (!one_body && e.tag != i.tag) continue;
+      if (is_settled(filtering, e.t)) settled.push_back(e.error);
+      if (e.t >= i.t) after.push_back(e);
+    }
+    if (settled.empty()) continue;
+    i.usual_error = median(settled);
+    for (std::size_t k = 0; k < after.size() && !i.true_recovery; ++k) {
+      if (after[k].error > times * *i.usual_error) continue;
+      std::vector<double> some;
+      for (std::size_t j = k; j < std::min(k + steady, after.size()); ++j) {
+        some.push_back(after[j].error);
+      }
+      if (median(some) <= times * *i.usual_error) i.true_recovery = after[k].t - i.t;
+    }
+  }
 }
 
 // eᵀP⁻¹e / 2 of positions in plan, on average; nothing without truth.
@@ -532,13 +581,27 @@ double slowest_recovery(const Filtering& filtering) {
   return slowest;
 }
 
+std::optional<double> slowest_true_recovery(const Filtering& filtering) {
+  std::optional<double> slowest;
+  for (const Interruption& i : filtering.interruptions) {
+    if (!i.usual_error) continue;
+    slowest = std::max(slowest.value_or(0),
+                       i.true_recovery.value_or(std::numeric_limits<double>::infinity()));
+  }
+  return slowest;
+}
+
 std::string words_of(const Interruption& i, bool several) {
   const std::string whose = several ? fmt::format(", tag {}", i.tag) : std::string{};
   const std::string silent =
       i.silent > 0 ? fmt::format(", {:.2f} s without a measurement used", i.silent) : std::string{};
   const std::string after = i.recovery ? fmt::format("recovered {:.2f} s later", *i.recovery)
                                        : std::string{"not recovered within the recording"};
-  return fmt::format("at {:.2f} s{}: {}{}; {}", i.t, whose, i.cause, silent, after);
+  const std::string truly =
+      !i.usual_error    ? std::string{}
+      : i.true_recovery ? fmt::format(", by the truth {:.2f} s", *i.true_recovery)
+                        : std::string{", by the truth not within the recording"};
+  return fmt::format("at {:.2f} s{}: {}{}; {}{}", i.t, whose, i.cause, silent, after, truly);
 }
 
 double refused_share(const AnchorTally& tally) {
@@ -667,14 +730,10 @@ Replay replay_filtered(Settings settings, const Recording& recording,
   if (result.body) {
     std::ranges::stable_sort(result.body->track, {}, &SolvedPose::t);
     score_body(site, result.dim, *result.body);
-    f.settled_rmse = settled_rmse(f, result.dim, result.body->track, [](const SolvedPose& p) {
-      return p.truth ? std::optional<Vec3>{p.pose.position - p.truth->position} : std::nullopt;
-    });
-  } else {
-    f.settled_rmse = settled_rmse(f, result.dim, result.track, [](const Position& p) {
-      return p.truth ? std::optional<Vec3>{p.position - *p.truth} : std::nullopt;
-    });
   }
+  const std::vector<TrackError> errors = errors_of(result);
+  f.settled_rmse = settled_rmse(f, errors);
+  judge_recoveries(errors, result.body.has_value(), f);
   if (result.body) {
     result.body->solve_seconds = result.solve_seconds;
     result.body->solve_calls = result.solve_calls;

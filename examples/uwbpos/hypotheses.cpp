@@ -347,10 +347,10 @@ bool HypothesisBank::disputed(std::int64_t time) {
   constexpr double sigmas = 2.5;
   constexpr double decided = 30;  // in score
   if (time - begun_ > longest) return false;
-  // One that does without an anchor may need another measurement to begin.
-  if (options_.motion != BodyMotion::kPlanarBody && time - begun_ < kSecond / 8 &&
+  // One that does without an anchor may need a few more measurements to begin.
+  if (options_.motion != BodyMotion::kPlanarBody && time - begun_ < kSecond / 2 &&
       options_.anchors.size() <= kMostSuspects &&
-      (met_ < 2 * options_.anchors.size() ||
+      ((time - begun_ < kSecond / 8 && met_ < 2 * options_.anchors.size()) ||
        std::ranges::any_of(all_, [](const auto& h) { return h->suspicious && !h->tracking(); }))) {
     return true;
   }

@@ -28,7 +28,7 @@ struct FirstFixOptions {
 };
 
 /// A position to descend from [m]. By the ranges if there are enough, else by the differences, the
-/// newest twenty of them.
+/// newest fourteen of them.
 /// Errors: those of `locate`.
 template <class S, int D>
 [[nodiscard]] Result<Vec<S, D>> first_position(const FirstReadings<S>& set,
@@ -36,7 +36,7 @@ template <class S, int D>
   const bool by_ranges = set.ranges > D || set.ranges == set.count;
   const auto flat = [](const Vec<S, 3>& v) { return Vec<S, D>{v.template head<D>()}; };
   // The newest will do: what is wanted is a place to start from.
-  constexpr int kMost = 20;
+  constexpr int kMost = 14;
   int n = 0;
   ExclusionOptions<S> exclusion;
   exclusion.max_excluded = std::min(set.count, kMost) / 3;

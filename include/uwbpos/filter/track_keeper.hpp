@@ -160,8 +160,6 @@ class TrackKeeper {
     const S bias = Size.biases > 0 ? options_.model.bias_sigma : S(0);
     const FirstReadings<S> set = gather_first_readings<S>(window_.events(), options_.fix_window,
                                                           options_.speed_sigma, bias * bias);
-    constexpr int kShare = 4;
-    pause_ = set.count / kShare;
     FirstFixOptions<S, kDimension> options;
     options.locate = options_.locate;
     if (tracking_ && !options.locate.prior) {
@@ -189,8 +187,13 @@ class TrackKeeper {
       fix.covariance.template topLeftCorner<kDimension, kDimension>() =
           set.position->covariance.template topLeftCorner<kDimension, kDimension>();
     } else {
+      // They do not agree. When a quarter of them are new they may, then half, then all.
+      if (set.count > kDimension + 1) {
+        pause_ = failed_ = std::min(set.count, std::max(set.count / 4, 2 * failed_));
+      }
       return false;
     }
+    failed_ = 0;
     std::optional<Measured<S>> heading = options.heading;
     if (fix.heading) heading = Measured<S>{*fix.heading, fix.covariance(kDimension, kDimension)};
     if constexpr (requires { requires Motion::kLooksAhead; }) {
@@ -221,7 +224,8 @@ class TrackKeeper {
   std::int64_t now_ = std::numeric_limits<std::int64_t>::min();
   std::int64_t stray_time_ = 0;
   int strays_ = 0;
-  int pause_ = 0;  // events before a beginning is looked for again
+  int pause_ = 0;   // events before a beginning is looked for again
+  int failed_ = 0;  // what it was after the last that was not found
   bool tracking_ = false;
 };
 
