@@ -370,6 +370,33 @@ std::vector<InertialReading> thinned(const std::vector<InertialReading>& samples
   return kept;
 }
 
+// The time that half of all measurements are before: near most of them, whatever a broken stamp says.
+double middle_time(const std::vector<Reading>& readings,
+                   const std::vector<Difference>& differences) {
+  std::vector<double> times;
+  times.reserve(readings.size() + differences.size());
+  for (const Reading& r : readings) times.push_back(r.t);
+  for (const Difference& d : differences) times.push_back(d.t);
+  return times.empty() ? 0 : median(std::move(times));
+}
+
+// Whether samples are all of another time than the measurements, as by another clock.
+bool elsewhen(const std::vector<InertialReading>& samples, const std::vector<Reading>& readings,
+              const std::vector<Difference>& differences) {
+  double first = std::numeric_limits<double>::infinity();
+  double last = -first;
+  const auto span = [&](const auto& all) {
+    for (const auto& m : all) {
+      first = std::min(first, m.t);
+      last = std::max(last, m.t);
+    }
+  };
+  span(readings);
+  span(differences);
+  return std::ranges::none_of(samples,
+                              [&](const auto& s) { return s.t >= first && s.t <= last; });
+}
+
 // Why an accelerometer cannot be one in m/s² in axes of the body; empty if it can. Whatever the
 // body does, it feels g on average, and most of the time; and it starts upright.
 std::string implausible(const std::vector<InertialReading>& samples) {
@@ -657,7 +684,9 @@ Replay replay_filtered(Settings settings, const Recording& recording,
     } else if (plan.dim == 2 && !several) {
       f.unused_unit = "one tag in the plane has no heading; --dim 3 uses it";
     } else {
-      f.unused_unit = implausible(recording.samples);
+      f.unused_unit = elsewhen(recording.samples, readings, differences)
+                          ? "none of its samples is from the time of the measurements"
+                          : implausible(recording.samples);
       plan.unit = f.unused_unit.empty();
     }
   }
@@ -679,16 +708,18 @@ Replay replay_filtered(Settings settings, const Recording& recording,
   std::ranges::sort(plan.clock_resets, {}, &ClockReset::t);
 
   const double of_difference = settings.sigma.value_or(kRangeSigma) * std::numbers::sqrt2;
-  plan.start = std::numeric_limits<double>::infinity();
-  for (const Reading& r : readings) plan.start = std::min(plan.start, r.t);
-  for (const Difference& d : differences) plan.start = std::min(plan.start, d.t);
-  constexpr double longest = 1e9;  // [s]; thirty years
-  const auto too_late = [&](const auto& m) { return !(m.t - plan.start < longest); };
+  constexpr double longest = 1e8;  // [s]; three years
+  const double middle = middle_time(readings, differences);
+  const auto too_late = [&](const auto& m) { return !(std::abs(m.t - middle) < longest); };
   const std::size_t dropped =
       std::erase_if(readings, too_late) + std::erase_if(differences, too_late);
   if (dropped > 0) {
     result.refused_readings[std::string{reason_name(Error::NumericOverflow)}] += dropped;
   }
+
+  plan.start = std::numeric_limits<double>::infinity();
+  for (const Reading& r : readings) plan.start = std::min(plan.start, r.t);
+  for (const Difference& d : differences) plan.start = std::min(plan.start, d.t);
 
   for (const Reading& r : readings) {
     plan.streams[plan.body ? kBody : r.tag].measurements.push_back(
@@ -714,7 +745,7 @@ Replay replay_filtered(Settings settings, const Recording& recording,
   std::vector<InertialReading> samples;
   if (plan.unit) {
     samples = thinned(recording.samples);
-    std::erase_if(samples, [&](const auto& s) { return !(std::abs(s.t - plan.start) < longest); });
+    std::erase_if(samples, too_late);
     f.samples = samples.size();
   }
   follow_all(settings, site, plan, samples, result, progress);

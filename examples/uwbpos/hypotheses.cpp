@@ -30,9 +30,10 @@ double credit(const Hypothesis& h) { return h.score / kCorrelated - h.handicap; 
 bool stands(const Hypothesis& h) {
   constexpr double least = 0.5;  // [m]
   constexpr double sigmas = 3;
-  if (!h.liar) return h.tracking();
+  if (!h.tracking() || h.asleep) return false;
+  if (!h.liar) return true;
   const auto lie = h.lie();
-  return h.tracking() && lie && std::abs(lie->value) > least + sigmas * std::sqrt(lie->variance);
+  return lie && std::abs(lie->value) > least + sigmas * std::sqrt(lie->variance);
 }
 
 double log_likelihood(const Verdict& verdict) {
@@ -65,6 +66,7 @@ void feed(const std::vector<std::unique_ptr<Hypothesis>>& hypotheses, const Time
   double leading = -std::numeric_limits<double>::infinity();
   std::vector<Hypothesis*> fresh;
   for (const auto& h : hypotheses) {
+    if (h->asleep) continue;
     const Verdict verdict = h->take(m);
     if (verdict.met_track && h->tracking()) {
       h->score = kept * h->score + log_likelihood(verdict);
@@ -231,11 +233,17 @@ Verdict HypothesisBank::take(const TimedMeasurement& m) {
   }
   choose();
   judge_anchors(m.time);
+  rest(m.time);
   weed(m.time);
   return told;
 }
 
 void HypothesisBank::take(std::int64_t time, const InertialReading& sample) {
+  // What began without the unit knows nothing of the attitude that it tells changes of.
+  if (!fed_by_unit_ && best_ != nullptr && options_.motion == BodyMotion::kInertial) {
+    restart_inertial();
+    choose();
+  }
   fed_by_unit_ = true;
   remember({time, sample});
   for (const auto& h : all_) h->take(time, sample);
@@ -314,7 +322,7 @@ void HypothesisBank::ignore_liars() {
 void HypothesisBank::judge_anchors(std::int64_t time) {
   listener_ = nullptr;
   for (const auto& h : all_) {
-    if (!h->suspicious || !h->ignored.empty() || !h->tracking()) continue;
+    if (!h->suspicious || !h->ignored.empty() || h->liar || !stands(*h)) continue;
     if (listener_ == nullptr || h->score > listener_->score) listener_ = h.get();
   }
   // One that is lost itself is no witness.
@@ -351,7 +359,9 @@ bool HypothesisBank::disputed(std::int64_t time) {
   if (options_.motion != BodyMotion::kPlanarBody && time - begun_ < kSecond / 2 &&
       options_.anchors.size() <= kMostSuspects &&
       ((time - begun_ < kSecond / 8 && met_ < 2 * options_.anchors.size()) ||
-       std::ranges::any_of(all_, [](const auto& h) { return h->suspicious && !h->tracking(); }))) {
+       std::ranges::any_of(all_, [](const auto& h) {
+         return h->suspicious && !h->asleep && !h->tracking();
+       }))) {
     return true;
   }
   const auto mine = best_->at(time);
@@ -363,6 +373,28 @@ bool HypothesisBank::disputed(std::int64_t time) {
     const double spread = std::sqrt(mine->covariance.trace() + other->covariance.trace());
     return (other->position - mine->position).norm() > apart + sigmas * spread;
   });
+}
+
+void HypothesisBank::rest(std::int64_t time) {
+  constexpr double hopeless = 100;
+  constexpr std::int64_t pause = 5 * kSecond;
+  if (best_ == nullptr || time - begun_ < kSecond) return;
+  for (auto& h : all_) {
+    if (!h->suspicious || h.get() == best_) continue;
+    if (h->asleep) {
+      if (time >= *h->asleep) h = h->anew();
+    } else if (best_->score - h->score > hopeless) {
+      if (h.get() == listener_) listener_ = nullptr;
+      h->asleep = time + pause;
+    }
+  }
+}
+
+void HypothesisBank::restart_inertial() {
+  std::erase_if(all_, [](const auto& h) { return h->inertial(); });
+  const std::size_t before = all_.size();
+  add_inertial();
+  for (std::size_t i = before; i < all_.size(); ++i) all_[i]->ignored = ignored_;
 }
 
 void HypothesisBank::weed(std::int64_t time) {
@@ -386,10 +418,7 @@ void HypothesisBank::weed(std::int64_t time) {
         time - restarted_ > rest) {
       restarted_ = time;
       ++restarts_;
-      std::erase_if(all_, [](const auto& h) { return h->inertial(); });
-      const std::size_t before = all_.size();
-      add_inertial();
-      for (std::size_t i = before; i < all_.size(); ++i) all_[i]->ignored = ignored_;
+      restart_inertial();
     }
     return;
   }

@@ -10,7 +10,9 @@
 ///       p_k(z) = (1 - \varepsilon) N(\nu; 0, S) + \varepsilon / w \f$
 /// over all measurements z; one that its gate refuses is an outlier, worth ε/w. Causal: nothing is
 /// known before its time. For each anchor some do without it, as one that lies from the start can
-/// mislead all that begin with it. Some hold a radio's errors to be white, others to be mostly
+/// mislead all that begin with it, and some hold that it lies by a length, which they estimate. Once
+/// one of these has foretold so much better that there is no doubt, all others are begun anew, some
+/// seconds ago, as if they had known. Some hold a radio's errors to be white, others to be mostly
 /// biases of the links that change as the body moves, which they estimate: only these know how well
 /// they know. Where these lead, each family says half of where the body is, as they err differently
 /// (Bates, Granger, Operational Research Quarterly 20(4), 1969), and these how well that is known.
@@ -69,7 +71,9 @@ class HypothesisBank {
   void ignore_liars();
   void note_of_listener(const TimedMeasurement& m, const Verdict& verdict);
   [[nodiscard]] bool disputed(std::int64_t time);
+  void rest(std::int64_t time);
   void weed(std::int64_t time);
+  void restart_inertial();
   void choose();
 
   // What the suspicious hypothesis that listens to all anchors makes of one.

@@ -83,6 +83,8 @@ class Hypothesis {
   bool suspicious = false;  ///< holds one anchor, or none, to lie, whatever the others hold
   double score = 0;         ///< (1) of hypotheses.hpp
   double handicap = 0;      ///< how much less it is believed beforehand than the first
+  /// Nothing is told to it before it is begun anew at this time [µs]; it was hopeless.
+  std::optional<std::int64_t> asleep = std::nullopt;
 };
 
 /// How the body moves.

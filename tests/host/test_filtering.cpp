@@ -413,6 +413,42 @@ TEST_CASE("filtering: an accelerometer upside down, or without gravity, is refus
   CHECK(drone.filtered(true).filtering->unused_unit.empty());
 }
 
+TEST_CASE("filtering: a unit of another time is not used; one that begins late is, from then on") {
+  Drone drone{"a drone whose unit is late", 16};
+  drone.measure(false);
+  const double without = drone.filtered(false).all.error.rmse;
+  const auto good = drone.samples();
+  for (InertialReading& s : drone.samples()) s.t += 1e6;
+  const Replay never = drone.filtered(true);
+  CHECK(never.filtering->unused_unit.find("time of the measurements") != std::string::npos);
+  CHECK(never.all.error.rmse == without);
+
+  drone.samples() = good;
+  std::erase_if(drone.samples(), [](const InertialReading& s) { return s.t < 4; });
+  const Replay late = drone.filtered(true);
+  REQUIRE(late.body);
+  MESSAGE("rmse " << without << " m without, " << late.body->error.rmse << " m with a late unit");
+  CHECK(late.body->error.rmse < 1.1 * without);
+  CHECK(late.filtering->inertial_epochs * 2 > late.body->track.size());
+}
+
+TEST_CASE("filtering: one row from a broken clock does not cost the others") {
+  Drone drone{"a drone and a broken stamp", 6};
+  drone.measure(false);
+  const Replay whole = drone.filtered(false);
+  for (const double t : {-1e9, -1e300, 1e300}) {
+    auto& readings = drone.recording().readings;
+    const auto kept = readings;
+    readings.push_back({t, 0, 3, 4.0, {}, {}, 0});
+    std::ranges::stable_sort(readings, {}, &Reading::t);
+    const Replay result = drone.filtered(false);
+    CHECK(result.all.solved + 1 >= whole.all.solved);
+    CHECK(result.all.error.rmse == doctest::Approx(whole.all.error.rmse).epsilon(0.05));
+    CHECK(result.refused_readings.at("numeric_overflow") == 1);
+    readings = kept;
+  }
+}
+
 TEST_CASE(
     "filtering: several tags in space without a unit are followed one by one, which is said") {
   Drone drone{"a drone with two tags", 6};

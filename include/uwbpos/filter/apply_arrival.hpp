@@ -100,7 +100,13 @@ template <class Motion, int Biases, class S>
     whole.template head<Motion::kPoseDof>() = row;
     whole.template tail<Biases>() = sum.by_bias;
     track.heard = std::min(std::max({track.heard, event.bias_a + 1, event.bias_b + 1}), Biases);
-    return gated_correct(track, model, whole, S(value - sum.predicted), noise, slope);
+    S unknown = S(0);
+    for (int k = 0; k < track.heard; ++k) {
+      if (sum.by_bias[k] == S(0)) continue;
+      const int state = Track<Motion, Biases>::kBias + k;
+      unknown += sum.by_bias[k] * sum.by_bias[k] * track.covariance(state, state);
+    }
+    return gated_correct(track, model, whole, S(value - sum.predicted), noise, slope, unknown);
   }
 }
 

@@ -122,16 +122,17 @@ void confirm(Track<Motion, Biases>& track) {
 }
 
 /// Corrects the track by a scalar if the gate lets it: by statistics, and where `slope` > 0, the
-/// length of the gradient by position, by reachability. Errors: NotFinite, Unreachable,
-/// OutlierRejected; then nothing changes.
+/// length of the gradient by position, by reachability, to which `unknown` is noise, too: the
+/// variance of what else the row tells of. Errors: NotFinite, Unreachable, OutlierRejected; then
+/// nothing changes.
 template <class Motion, int Biases, class S, int M>
 [[nodiscard]] Result<Innovation<S>> gated_correct(Track<Motion, Biases>& track,
                                                   const TrackModel<Motion>& model,
                                                   const Vec<S, M>& row, S innovation, S noise,
-                                                  S slope) {
+                                                  S slope, S unknown = S(0)) {
   if (slope > S(0)) {
     const Reach<S> reach{seconds_between<S>(track.used_at, track.time), track.position_variance};
-    if (const auto error = check_reach(model.gate, reach, innovation, slope, noise)) {
+    if (const auto error = check_reach(model.gate, reach, innovation, slope, S(noise + unknown))) {
       return std::unexpected(*error);
     }
   }
