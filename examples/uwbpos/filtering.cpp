@@ -370,7 +370,8 @@ std::vector<InertialReading> thinned(const std::vector<InertialReading>& samples
   return kept;
 }
 
-// The time that half of all measurements are before: near most of them, whatever a broken stamp says.
+// The time that half of all measurements are before: near most of them, whatever a broken stamp
+// says.
 double middle_time(const std::vector<Reading>& readings,
                    const std::vector<Difference>& differences) {
   std::vector<double> times;
@@ -393,8 +394,7 @@ bool elsewhen(const std::vector<InertialReading>& samples, const std::vector<Rea
   };
   span(readings);
   span(differences);
-  return std::ranges::none_of(samples,
-                              [&](const auto& s) { return s.t >= first && s.t <= last; });
+  return std::ranges::none_of(samples, [&](const auto& s) { return s.t >= first && s.t <= last; });
 }
 
 // Why an accelerometer cannot be one in m/s² in axes of the body; empty if it can. Whatever the
@@ -480,8 +480,7 @@ std::vector<TrackError> errors_of(const Replay& result) {
   if (result.body) {
     for (const SolvedPose& p : result.body->track) {
       if (!p.truth) continue;
-      errors.push_back(
-          {p.t, kBody, error_length(p.pose.position - p.truth->position, result.dim)});
+      errors.push_back({p.t, kBody, error_length(p.pose.position - p.truth->position, result.dim)});
     }
   } else {
     for (const Position& p : result.track) {
@@ -624,10 +623,10 @@ std::string words_of(const Interruption& i, bool several) {
       i.silent > 0 ? fmt::format(", {:.2f} s without a measurement used", i.silent) : std::string{};
   const std::string after = i.recovery ? fmt::format("recovered {:.2f} s later", *i.recovery)
                                        : std::string{"not recovered within the recording"};
-  const std::string truly =
-      !i.usual_error    ? std::string{}
-      : i.true_recovery ? fmt::format(", by the truth {:.2f} s", *i.true_recovery)
-                        : std::string{", by the truth not within the recording"};
+  const std::string truly = !i.usual_error ? std::string{}
+                            : i.true_recovery
+                                ? fmt::format(", by the truth {:.2f} s", *i.true_recovery)
+                                : std::string{", by the truth not within the recording"};
   return fmt::format("at {:.2f} s{}: {}{}; {}{}", i.t, whose, i.cause, silent, after, truly);
 }
 

@@ -359,9 +359,8 @@ bool HypothesisBank::disputed(std::int64_t time) {
   if (options_.motion != BodyMotion::kPlanarBody && time - begun_ < kSecond / 2 &&
       options_.anchors.size() <= kMostSuspects &&
       ((time - begun_ < kSecond / 8 && met_ < 2 * options_.anchors.size()) ||
-       std::ranges::any_of(all_, [](const auto& h) {
-         return h->suspicious && !h->asleep && !h->tracking();
-       }))) {
+       std::ranges::any_of(
+           all_, [](const auto& h) { return h->suspicious && !h->asleep && !h->tracking(); }))) {
     return true;
   }
   const auto mine = best_->at(time);

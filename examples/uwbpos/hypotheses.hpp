@@ -10,12 +10,13 @@
 ///       p_k(z) = (1 - \varepsilon) N(\nu; 0, S) + \varepsilon / w \f$
 /// over all measurements z; one that its gate refuses is an outlier, worth ε/w. Causal: nothing is
 /// known before its time. For each anchor some do without it, as one that lies from the start can
-/// mislead all that begin with it, and some hold that it lies by a length, which they estimate. Once
-/// one of these has foretold so much better that there is no doubt, all others are begun anew, some
-/// seconds ago, as if they had known. Some hold a radio's errors to be white, others to be mostly
-/// biases of the links that change as the body moves, which they estimate: only these know how well
-/// they know. Where these lead, each family says half of where the body is, as they err differently
-/// (Bates, Granger, Operational Research Quarterly 20(4), 1969), and these how well that is known.
+/// mislead all that begin with it, and some hold that it lies by a length, which they estimate.
+/// Once one of these has foretold so much better that there is no doubt, all others are begun anew,
+/// some seconds ago, as if they had known. Some hold a radio's errors to be white, others to be
+/// mostly biases of the links that change as the body moves, which they estimate: only these know
+/// how well they know. Where these lead, each family says half of where the body is, as they err
+/// differently (Bates, Granger, Operational Research Quarterly 20(4), 1969), and these how well
+/// that is known.
 
 #include <cstdint>
 #include <deque>
@@ -93,8 +94,8 @@ class HypothesisBank {
   std::int64_t restarted_ = 0;
   std::int64_t begun_ = -1;  // when there was a best one
   std::int64_t judged_ = 0;
-  std::set<Id> ignored_;    // anchors that all but suspicious ones ignore
-  std::optional<Id> liar_;  // whose lie they estimate
+  std::set<Id> ignored_;       // anchors that all but suspicious ones ignore
+  std::optional<Id> liar_;     // whose lie they estimate
   std::deque<Heard> history_;  // of the last seconds
   std::size_t restarts_ = 0;
   bool fed_by_unit_ = false;

@@ -104,8 +104,8 @@ TEST_CASE_TEMPLATE("covariance: a step of time is F P Fᵀ + G q Gᵀ", S, float
   }
 }
 
-TEST_CASE_TEMPLATE("covariance: where only the first states move, and where one wanders by itself", S,
-                   float, double) {
+TEST_CASE_TEMPLATE("covariance: where only the first states move, and where one wanders by itself",
+                   S, float, double) {
   sim::Random random{"predict a part"};
   for (int trial = 0; trial < 50; ++trial) {
     const Mat<S, N> p = random_covariance<S>(random);

@@ -101,7 +101,7 @@ template <class Motion, int Biases, class S>
     whole.template tail<Biases>() = sum.by_bias;
     track.heard = std::min(std::max({track.heard, event.bias_a + 1, event.bias_b + 1}), Biases);
     S unknown = S(0);
-    for (int k = 0; k < track.heard; ++k) {
+    for (int k = 0; k < track.heard && event.expected; ++k) {
       if (sum.by_bias[k] == S(0)) continue;
       const int state = Track<Motion, Biases>::kBias + k;
       unknown += sum.by_bias[k] * sum.by_bias[k] * track.covariance(state, state);

@@ -175,8 +175,8 @@ class FactoredCovariance {
     detail::orthogonalise<N>(l_, d_, w, weight, N);
   }
 
-  /// The same where only the first M states move, by `f` and the noises of `g`, and all others stay;
-  /// those from `size` on are correlated to none. O(size²·(M + Q)).
+  /// The same where only the first M states move, by `f` and the noises of `g`, and all others
+  /// stay; those from `size` on are correlated to none. O(size²·(M + Q)).
   template <int M, int Q>
   void predict_first(const Mat<S, M>& f, const Eigen::Matrix<S, M, Q>& g, const Vec<S, Q>& q,
                      int size = N) {

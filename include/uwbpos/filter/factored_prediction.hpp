@@ -6,13 +6,13 @@
 /// How time moves a covariance that is kept as \f$ P = L\,\mathrm{diag}(d)\,L^T \f$.
 ///
 /// **All of it.** \f$ P \leftarrow F P F^T + G\,\mathrm{diag}(q)\,G^T = W\,\mathrm{diag}(w)\,W^T
-/// \f$ with W = [F L, G], w = (d, q): Gram and Schmidt's orthogonalisation, modified, of the rows of
-/// W with weights w (Thornton 1976),
+/// \f$ with W = [F L, G], w = (d, q): Gram and Schmidt's orthogonalisation, modified, of the rows
+/// of W with weights w (Thornton 1976),
 ///   (4) \f$ d_j = W_j w W_j^T,\quad L_{ij} = W_i w W_j^T / d_j,\quad W_i \leftarrow W_i - L_{ij}
 ///       W_j,\ i > j \f$.
 ///
-/// **One noise** of variance c that enters through the column v needs no W (Agee, Turner 1972): from
-/// the first state on,
+/// **One noise** of variance c that enters through the column v needs no W (Agee, Turner 1972):
+/// from the first state on,
 ///   (5) \f$ d_j' = d_j + c\,v_j^2,\quad v_i \leftarrow v_i - v_j L_{ij},\quad L_{ij} \leftarrow
 ///       L_{ij} + v_i\,c\,v_j/d_j',\quad c \leftarrow c\,d_j/d_j' \f$.
 

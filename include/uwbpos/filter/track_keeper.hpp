@@ -40,7 +40,8 @@ class TrackKeeper {
     const int place = window_.insert(event);
     if (tracking_ && beyond_gap(head_.used_at, event.time)) tracking_ = false;
     if (!tracking_) {
-      return tries(event) && begin() ? TrackUpdate<S>{TrackEvent::Started} : TrackUpdate<S>{TrackEvent::Gathered};
+      return tries(event) && begin() ? TrackUpdate<S>{TrackEvent::Started}
+                                     : TrackUpdate<S>{TrackEvent::Gathered};
     }
     const Result<Innovation<S>> result = replay_from(place);
     if (!result || result->dimension > 0) watch_.add(result.has_value(), event.time);
@@ -147,11 +148,8 @@ class TrackKeeper {
     return options_.heading;
   }
 
-  // Whether to look for a beginning at this event: one that tells of a place, and not before enough
-  // of what did not agree may be another.
   [[nodiscard]] bool tries(const Event<S>& event) {
-    if (std::holds_alternative<ImuSample<S>>(event.what)) return false;
-    return --pause_ < 0;
+    return !std::holds_alternative<ImuSample<S>>(event.what) && pace_.looks();
   }
 
   // Begins a track at the last event if the recent ones agree on a place.
@@ -174,12 +172,8 @@ class TrackKeeper {
     options.heading = known_heading(set);
     FirstFix<S, kDimension> fix;
     if (const auto found = first_fix<S, kDimension>(set, options)) {
-      // Of a few readings one that lies may agree with the wrong ones: more are waited for, as long
-      // as they come and the window lasts.
-      constexpr int kPlenty = 4;
       const bool waited = time - window_.events().front().time >= options_.fix_window;
-      const int wanted = waited ? 1 : set.repeated ? 2 : kPlenty;
-      if (found->degrees_of_freedom < wanted) return false;
+      if (!pace_.believes(found->degrees_of_freedom, set.repeated, waited)) return false;
       fix = *found;
     } else if (set.position) {
       fix.position = set.position->position.template head<kDimension>();
@@ -187,13 +181,9 @@ class TrackKeeper {
       fix.covariance.template topLeftCorner<kDimension, kDimension>() =
           set.position->covariance.template topLeftCorner<kDimension, kDimension>();
     } else {
-      // They do not agree. When a quarter of them are new they may, then half, then all.
-      if (set.count > kDimension + 1) {
-        pause_ = failed_ = std::min(set.count, std::max(set.count / 4, 2 * failed_));
-      }
+      if (set.count > kDimension + 1) pace_.disagreed(set.count);
       return false;
     }
-    failed_ = 0;
     std::optional<Measured<S>> heading = options.heading;
     if (fix.heading) heading = Measured<S>{*fix.heading, fix.covariance(kDimension, kDimension)};
     if constexpr (requires { requires Motion::kLooksAhead; }) {
@@ -209,7 +199,7 @@ class TrackKeeper {
                                              window_.events());
     now_ = time;
     tracking_ = true;
-    pause_ = 0;
+    pace_.restart();
     window_.restart();
     watch_.reset(time);
     departure_.restart();
@@ -221,11 +211,10 @@ class TrackKeeper {
   ReplayWindow<Event<S>, Track, Size.window, Size.stride> window_;
   LockOutWatch watch_;
   Departure<S> departure_;
+  BeginningPace pace_;
   std::int64_t now_ = std::numeric_limits<std::int64_t>::min();
   std::int64_t stray_time_ = 0;
   int strays_ = 0;
-  int pause_ = 0;   // events before a beginning is looked for again
-  int failed_ = 0;  // what it was after the last that was not found
   bool tracking_ = false;
 };
 
