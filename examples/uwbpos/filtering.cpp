@@ -370,6 +370,33 @@ std::vector<InertialReading> thinned(const std::vector<InertialReading>& samples
   return kept;
 }
 
+// The time that half of all measurements are before: near most of them, whatever a broken stamp
+// says.
+double middle_time(const std::vector<Reading>& readings,
+                   const std::vector<Difference>& differences) {
+  std::vector<double> times;
+  times.reserve(readings.size() + differences.size());
+  for (const Reading& r : readings) times.push_back(r.t);
+  for (const Difference& d : differences) times.push_back(d.t);
+  return times.empty() ? 0 : median(std::move(times));
+}
+
+// Whether samples are all of another time than the measurements, as by another clock.
+bool elsewhen(const std::vector<InertialReading>& samples, const std::vector<Reading>& readings,
+              const std::vector<Difference>& differences) {
+  double first = std::numeric_limits<double>::infinity();
+  double last = -first;
+  const auto span = [&](const auto& all) {
+    for (const auto& m : all) {
+      first = std::min(first, m.t);
+      last = std::max(last, m.t);
+    }
+  };
+  span(readings);
+  span(differences);
+  return std::ranges::none_of(samples, [&](const auto& s) { return s.t >= first && s.t <= last; });
+}
+
 // Why an accelerometer cannot be one in m/s² in axes of the body; empty if it can. Whatever the
 // body does, it feels g on average, and most of the time; and it starts upright.
 std::string implausible(const std::vector<InertialReading>& samples) {
@@ -441,25 +468,73 @@ BankOptions bank_options(const Settings& settings, const Site& site, const Plan&
   return o;
 }
 
-// RMSE of what is neither interrupted nor on its way back; nothing without truth.
-template <class Track, class ErrorOf>
-std::optional<double> settled_rmse(const Filtering& filtering, int dim, const Track& track,
-                                   const ErrorOf& error_of) {
+// An error against truth.
+struct TrackError {
+  double t;
+  Id tag;
+  double error;  // [m]
+};
+
+std::vector<TrackError> errors_of(const Replay& result) {
+  std::vector<TrackError> errors;
+  if (result.body) {
+    for (const SolvedPose& p : result.body->track) {
+      if (!p.truth) continue;
+      errors.push_back({p.t, kBody, error_length(p.pose.position - p.truth->position, result.dim)});
+    }
+  } else {
+    for (const Position& p : result.track) {
+      if (!p.truth) continue;
+      errors.push_back({p.t, p.tag, error_length(p.position - *p.truth, result.dim)});
+    }
+  }
+  return errors;
+}
+
+// Neither interrupted nor on its way back.
+bool is_settled(const Filtering& filtering, double t) {
+  return std::ranges::none_of(filtering.interruptions, [&](const Interruption& i) {
+    return t > i.t - i.silent && (!i.recovery || t < i.t + *i.recovery);
+  });
+}
+
+// RMSE of what is settled; nothing without truth.
+std::optional<double> settled_rmse(const Filtering& filtering,
+                                   const std::vector<TrackError>& errors) {
   double sum = 0;
   std::size_t count = 0;
-  for (const auto& p : track) {
-    const bool interrupted =
-        std::ranges::any_of(filtering.interruptions, [&](const Interruption& i) {
-          return p.t > i.t - i.silent && (!i.recovery || p.t < i.t + *i.recovery);
-        });
-    const auto error = error_of(p);
-    if (interrupted || !error) continue;
-    const double length = error_length(*error, dim);
-    sum += length * length;
+  for (const TrackError& e : errors) {
+    if (!is_settled(filtering, e.t)) continue;
+    sum += e.error * e.error;
     ++count;
   }
   if (count == 0) return std::nullopt;
   return std::sqrt(sum / static_cast<double>(count));
+}
+
+// How long recoveries took as truth has it.
+void judge_recoveries(const std::vector<TrackError>& errors, bool one_body, Filtering& filtering) {
+  constexpr double times = 2;
+  constexpr std::size_t steady = 5;
+  for (Interruption& i : filtering.interruptions) {
+    std::vector<double> settled;
+    std::vector<TrackError> after;
+    for (const TrackError& e : errors) {
+      if (!one_body && e.tag != i.tag) continue;
+      if (is_settled(filtering, e.t)) settled.push_back(e.error);
+      if (e.t >= i.t) after.push_back(e);
+    }
+    if (settled.empty()) continue;
+    i.usual_error = median(settled);
+    for (std::size_t k = 0; k < after.size() && !i.true_recovery; ++k) {
+      if (after[k].error > times * *i.usual_error) continue;
+      std::vector<double> some;
+      for (std::size_t j = k; j < std::min(k + steady, after.size()); ++j) {
+        some.push_back(after[j].error);
+      }
+      if (median(some) <= times * *i.usual_error) i.true_recovery = after[k].t - i.t;
+    }
+  }
 }
 
 // eᵀP⁻¹e / 2 of positions in plan, on average; nothing without truth.
@@ -532,13 +607,27 @@ double slowest_recovery(const Filtering& filtering) {
   return slowest;
 }
 
+std::optional<double> slowest_true_recovery(const Filtering& filtering) {
+  std::optional<double> slowest;
+  for (const Interruption& i : filtering.interruptions) {
+    if (!i.usual_error) continue;
+    slowest = std::max(slowest.value_or(0),
+                       i.true_recovery.value_or(std::numeric_limits<double>::infinity()));
+  }
+  return slowest;
+}
+
 std::string words_of(const Interruption& i, bool several) {
   const std::string whose = several ? fmt::format(", tag {}", i.tag) : std::string{};
   const std::string silent =
       i.silent > 0 ? fmt::format(", {:.2f} s without a measurement used", i.silent) : std::string{};
   const std::string after = i.recovery ? fmt::format("recovered {:.2f} s later", *i.recovery)
                                        : std::string{"not recovered within the recording"};
-  return fmt::format("at {:.2f} s{}: {}{}; {}", i.t, whose, i.cause, silent, after);
+  const std::string truly = !i.usual_error ? std::string{}
+                            : i.true_recovery
+                                ? fmt::format(", by the truth {:.2f} s", *i.true_recovery)
+                                : std::string{", by the truth not within the recording"};
+  return fmt::format("at {:.2f} s{}: {}{}; {}{}", i.t, whose, i.cause, silent, after, truly);
 }
 
 double refused_share(const AnchorTally& tally) {
@@ -594,7 +683,9 @@ Replay replay_filtered(Settings settings, const Recording& recording,
     } else if (plan.dim == 2 && !several) {
       f.unused_unit = "one tag in the plane has no heading; --dim 3 uses it";
     } else {
-      f.unused_unit = implausible(recording.samples);
+      f.unused_unit = elsewhen(recording.samples, readings, differences)
+                          ? "none of its samples is from the time of the measurements"
+                          : implausible(recording.samples);
       plan.unit = f.unused_unit.empty();
     }
   }
@@ -616,16 +707,18 @@ Replay replay_filtered(Settings settings, const Recording& recording,
   std::ranges::sort(plan.clock_resets, {}, &ClockReset::t);
 
   const double of_difference = settings.sigma.value_or(kRangeSigma) * std::numbers::sqrt2;
-  plan.start = std::numeric_limits<double>::infinity();
-  for (const Reading& r : readings) plan.start = std::min(plan.start, r.t);
-  for (const Difference& d : differences) plan.start = std::min(plan.start, d.t);
-  constexpr double longest = 1e9;  // [s]; thirty years
-  const auto too_late = [&](const auto& m) { return !(m.t - plan.start < longest); };
+  constexpr double longest = 1e8;  // [s]; three years
+  const double middle = middle_time(readings, differences);
+  const auto too_late = [&](const auto& m) { return !(std::abs(m.t - middle) < longest); };
   const std::size_t dropped =
       std::erase_if(readings, too_late) + std::erase_if(differences, too_late);
   if (dropped > 0) {
     result.refused_readings[std::string{reason_name(Error::NumericOverflow)}] += dropped;
   }
+
+  plan.start = std::numeric_limits<double>::infinity();
+  for (const Reading& r : readings) plan.start = std::min(plan.start, r.t);
+  for (const Difference& d : differences) plan.start = std::min(plan.start, d.t);
 
   for (const Reading& r : readings) {
     plan.streams[plan.body ? kBody : r.tag].measurements.push_back(
@@ -651,7 +744,7 @@ Replay replay_filtered(Settings settings, const Recording& recording,
   std::vector<InertialReading> samples;
   if (plan.unit) {
     samples = thinned(recording.samples);
-    std::erase_if(samples, [&](const auto& s) { return !(std::abs(s.t - plan.start) < longest); });
+    std::erase_if(samples, too_late);
     f.samples = samples.size();
   }
   follow_all(settings, site, plan, samples, result, progress);
@@ -667,14 +760,10 @@ Replay replay_filtered(Settings settings, const Recording& recording,
   if (result.body) {
     std::ranges::stable_sort(result.body->track, {}, &SolvedPose::t);
     score_body(site, result.dim, *result.body);
-    f.settled_rmse = settled_rmse(f, result.dim, result.body->track, [](const SolvedPose& p) {
-      return p.truth ? std::optional<Vec3>{p.pose.position - p.truth->position} : std::nullopt;
-    });
-  } else {
-    f.settled_rmse = settled_rmse(f, result.dim, result.track, [](const Position& p) {
-      return p.truth ? std::optional<Vec3>{p.position - *p.truth} : std::nullopt;
-    });
   }
+  const std::vector<TrackError> errors = errors_of(result);
+  f.settled_rmse = settled_rmse(f, errors);
+  judge_recoveries(errors, result.body.has_value(), f);
   if (result.body) {
     result.body->solve_seconds = result.solve_seconds;
     result.body->solve_calls = result.solve_calls;

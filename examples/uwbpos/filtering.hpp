@@ -50,6 +50,11 @@ struct Interruption {
   /// From `t` until the position was known half as well again as usual, or better [s]; nothing if
   /// it never was.
   std::optional<double> recovery = std::nullopt;
+  /// Half of all errors against truth at other times are smaller [m]; nothing without truth.
+  std::optional<double> usual_error = std::nullopt;
+  /// From `t` until this and four more errors were, by their median, at most twice `usual_error`
+  /// [s]; nothing if they never were.
+  std::optional<double> true_recovery = std::nullopt;
 };
 
 /// Measurements of one anchor; a difference counts for both.
@@ -86,7 +91,10 @@ struct Filtering {
 /// The longest recovery [s]; zero without an interruption, infinite if one never ended.
 [[nodiscard]] double slowest_recovery(const Filtering& filtering);
 
-/// `at 12.00 s: nothing was received, 3.00 s without …; recovered 0.25 s later`.
+/// The same as truth has it; nothing where it does not tell.
+[[nodiscard]] std::optional<double> slowest_true_recovery(const Filtering& filtering);
+
+/// `at 12.00 s: nothing was received, 3.00 s without …; recovered 0.25 s later, by …`.
 [[nodiscard]] std::string words_of(const Interruption& interruption, bool several);
 
 /// The share of an anchor's measurements that was refused, 0 … 1.

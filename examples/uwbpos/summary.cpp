@@ -72,6 +72,9 @@ Json json_of(const std::vector<Interruption>& interruptions) {
   for (const Interruption& i : interruptions) {
     json.push_back({{"t_s", i.t}, {"tag_id", i.tag}, {"cause", i.cause}, {"without_s", i.silent}});
     json.back()["recovery_s"] = i.recovery ? Json(*i.recovery) : Json(nullptr);
+    if (!i.usual_error) continue;
+    json.back()["recovery_by_truth_s"] = i.true_recovery ? Json(*i.true_recovery) : Json(nullptr);
+    json.back()["usual_error_m"] = *i.usual_error;
   }
   return json;
 }
@@ -180,6 +183,9 @@ std::string summary_json(const Settings& settings, const Recording& recording, c
       if (f.first_pose_after) json["filter"]["first_pose_after_s"] = *f.first_pose_after;
       if (std::isfinite(slowest_recovery(f))) {
         json["filter"]["slowest_recovery_s"] = slowest_recovery(f);
+      }
+      if (const auto truly = slowest_true_recovery(f); truly && std::isfinite(*truly)) {
+        json["filter"]["slowest_recovery_by_truth_s"] = *truly;
       }
       if (f.settled_rmse) json["filter"]["settled_rmse_m"] = *f.settled_rmse;
       if (f.mean_nees) json["filter"]["mean_nees"] = *f.mean_nees;

@@ -29,6 +29,7 @@
 #include "uwbpos/filter/bias_network.hpp"
 #include "uwbpos/filter/events.hpp"
 #include "uwbpos/filter/factored_covariance.hpp"
+#include "uwbpos/filter/factored_prediction.hpp"
 #include "uwbpos/filter/first_fix.hpp"
 #include "uwbpos/filter/first_fix_set.hpp"
 #include "uwbpos/filter/first_position.hpp"

@@ -104,6 +104,59 @@ TEST_CASE_TEMPLATE("covariance: a step of time is F P Fᵀ + G q Gᵀ", S, float
   }
 }
 
+TEST_CASE_TEMPLATE("covariance: where only the first states move, and where one wanders by itself",
+                   S, float, double) {
+  sim::Random random{"predict a part"};
+  for (int trial = 0; trial < 50; ++trial) {
+    const Mat<S, N> p = random_covariance<S>(random);
+    auto factored = *FactoredCovariance<S, N>::from_matrix(p);
+    Mat<S, 3> f = Mat<S, 3>::Identity();
+    f(0, 2) = S(0.7);
+    f(2, 1) = S(-0.3);
+    Eigen::Matrix<S, 3, 2> g;
+    g.col(0) = test::random_normal<S, 3>(random);
+    g.col(1) = test::random_normal<S, 3>(random);
+    const Vec<S, 2> q{S(0.5), S(2)};
+    factored.predict_first(f, g, q);
+    Mat<S, N> whole = Mat<S, N>::Identity();
+    whole.template topLeftCorner<3, 3>() = f;
+    Mat<S, N> wanted = whole * p * whole.transpose();
+    wanted.template topLeftCorner<3, 3>() += g * q.asDiagonal() * g.transpose();
+    CHECK((factored.matrix() - wanted).cwiseAbs().maxCoeff() < tolerance<S>(wanted));
+
+    const int k = random.integer(0, N - 1);
+    factored.predict_process(k, S(0.6), S(0.4));
+    wanted.row(k) *= S(0.6);
+    wanted.col(k) *= S(0.6);
+    wanted(k, k) += S(0.4);
+    CHECK((factored.matrix() - wanted).cwiseAbs().maxCoeff() < tolerance<S>(wanted));
+    CHECK(factored.diagonal().minCoeff() > S(0));
+  }
+}
+
+TEST_CASE_TEMPLATE("covariance: a long row that is mostly zeros counts as any other", S, float,
+                   double) {
+  constexpr int M = 12;
+  sim::Random random{"a long row"};
+  Mat<S, M> a;
+  for (int j = 0; j < M; ++j) a.col(j) = test::random_normal<S, M>(random);
+  const Mat<S, M> p = a * a.transpose() + Mat<S, M>::Identity();
+  auto factored = *FactoredCovariance<S, M>::from_matrix(p);
+  Vec<S, M> row = Vec<S, M>::Zero();
+  row[0] = S(0.6);
+  row[1] = S(-0.8);
+  row[7] = S(1);
+  const Vec<S, M> ph = p * row;
+  const S s = row.dot(ph) + S(0.3);
+  const auto projected = factored.project(row);
+  CHECK(std::abs(projected.variance + S(0.3) - s) < S(1e-4) * s);
+  const Vec<S, M> gain = factored.update(projected, S(0.3));
+  CHECK((gain - ph / s).norm() < S(1e3) * std::numeric_limits<S>::epsilon() * (ph / s).norm());
+  const Mat<S, M> after = p - ph * ph.transpose() / s;
+  CHECK((factored.matrix() - after).cwiseAbs().maxCoeff() <
+        S(400) * std::numeric_limits<S>::epsilon() * p.cwiseAbs().maxCoeff());
+}
+
 TEST_CASE_TEMPLATE("covariance: known exactly stays so, without noise", S, float, double) {
   FactoredCovariance<S, 3> exact;
   const Eigen::Matrix<S, 3, 1> g = Eigen::Matrix<S, 3, 1>::Zero();

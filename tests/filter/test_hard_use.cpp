@@ -303,8 +303,9 @@ TEST_CASE_TEMPLATE("hard use: an anchor that lies in the first fix is outvoted i
   }
   MESSAGE(misled << " of " << runs << " starts misled for more than a second, the worst for "
                  << longest << " s");
-  CHECK(misled < runs / 5);
-  CHECK(longest < 18);
+  // With the first five that agree for a beginning it was 87, and 14 s.
+  CHECK(misled < runs / 60);
+  CHECK(longest < 3);
 }
 
 TEST_CASE_TEMPLATE("hard use: out of coverage the track is lost, and begins anew behind it", S,

@@ -116,6 +116,34 @@ TEST_CASE_TEMPLATE("tracker kinds: anchors' biases are found, those that can be"
   for (std::uint32_t id = 0; id < 3; ++id) CHECK(few.bias(id).error() == Error::NotYetTracked);
 }
 
+TEST_CASE_TEMPLATE("tracker kinds: one anchor expected to lie, and its lie is found", S, float,
+                   double) {
+  sim::Random random{"an expected lie"};
+  constexpr TrackerSize size{.biases = 1};
+  TrackerOptions<ConstantVelocity<S, 3>> options;
+  options.model.bias_sigma = S(3);
+  options.model.bias_time = S(2000);
+  Tracker<ConstantVelocity<S, 3>, size> tracker{options};
+  test::hang_anchors(tracker);
+  REQUIRE(tracker.expect_bias(2));
+  CHECK(tracker.expect_bias(2));
+  CHECK(tracker.expect_bias(5).error() == Error::CapacityExceeded);
+  const test::Course course{0};
+  for (std::int64_t time = 0; time < 20'000'000; time += test::kSlot) {
+    test::measure(
+        Radio::Ranges, time, course.position(at_seconds(time)), 0.05, 0.05, random, tracker,
+        [](std::uint32_t id, double range) { return range + (id == 2 ? 2 : 0); },
+        [](auto, const auto&) {});
+  }
+  const auto lie = tracker.bias(2);
+  REQUIRE(lie);
+  CHECK(std::abs(static_cast<double>(lie->value) - 2) <
+        3.5 * std::sqrt(static_cast<double>(lie->variance)));
+  CHECK(lie->variance < S(0.1 * 0.1));
+  CHECK(tracker.bias(5).error() == Error::UnknownAnchor);
+  CHECK(refused_share(tracker.counters(2)) < 0.1f);
+}
+
 TEST_CASE_TEMPLATE("tracker kinds: biases of links tell tags apart", S, float, double) {
   sim::Random random{"biases of links"};
   constexpr TrackerSize size{.biases = 2 * static_cast<int>(test::kHallAnchors),

@@ -13,6 +13,7 @@
 ///     \qquad \mathrm{var} = \sigma^2 \left( 1 + \tfrac1k \right): \tag{1} \f]
 /// the arrival k against the mean of all arrivals before. Refused ones are left out of the mean.
 
+#include <algorithm>
 #include <span>
 
 #include "uwbpos/filter/events.hpp"
@@ -98,7 +99,14 @@ template <class Motion, int Biases, class S>
     Vec<S, Track<Motion, Biases>::kDof> whole = Vec<S, Track<Motion, Biases>::kDof>::Zero();
     whole.template head<Motion::kPoseDof>() = row;
     whole.template tail<Biases>() = sum.by_bias;
-    return gated_correct(track, model, whole, S(value - sum.predicted), noise, slope);
+    track.heard = std::min(std::max({track.heard, event.bias_a + 1, event.bias_b + 1}), Biases);
+    S unknown = S(0);
+    for (int k = 0; k < track.heard && event.expected; ++k) {
+      if (sum.by_bias[k] == S(0)) continue;
+      const int state = Track<Motion, Biases>::kBias + k;
+      unknown += sum.by_bias[k] * sum.by_bias[k] * track.covariance(state, state);
+    }
+    return gated_correct(track, model, whole, S(value - sum.predicted), noise, slope, unknown);
   }
 }
 

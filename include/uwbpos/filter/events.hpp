@@ -28,6 +28,7 @@ struct ArrivalEvent {
   int bias_b = -1;             ///< place of its bias, −1 without one
   bool is_difference = false;  ///< else a range
   bool shared = false;         ///< see `TimedDifference`
+  bool expected = false;       ///< to be biased, by whatever `bias_sigma` says
 };
 
 /// A single number about the body.

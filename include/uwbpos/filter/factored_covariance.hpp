@@ -16,15 +16,12 @@
 /// If h is zero beyond its first M entries, so is f: columns M … N−1 of L and d do not change, and
 /// (3) costs M·N, not N².
 ///
-/// **Time.** \f$ P \leftarrow F P F^T + G\,\mathrm{diag}(q)\,G^T = W\,\mathrm{diag}(w)\,W^T \f$
-/// with W = [F L, G], w = (d, q): Gram and Schmidt's orthogonalisation, modified, of the rows of W
-/// with weights w,
-///   (4) \f$ d_j = W_j w W_j^T,\quad L_{ij} = W_i w W_j^T / d_j,\quad W_i \leftarrow W_i - L_{ij}
-///       W_j,\ i > j \f$.
+/// **Time.** \f$ P \leftarrow F P F^T + G\,\mathrm{diag}(q)\,G^T \f$ by (4) and (5) of
+/// filter/factored_prediction.hpp.
 ///
 /// **Why it is sound in float.** P is symmetric because only L and d exist. It is positive because
 /// d is: (2) multiplies it by a ratio of two sums of positive terms, the smaller over the larger,
-/// and (4) makes it a sum of squares; neither ever subtracts. Rounding therefore changes P as
+/// and (4) and (5) make it a sum of squares; none ever subtracts. Rounding therefore changes P as
 /// relatively small changes of the data would, whatever the number of updates; the textbook's
 /// P − K s Kᵀ loses that as soon as P's condition nears 1/ε = 8·10⁶. Over 10⁷ float steps and
 /// updates of nine states, standard deviations stay within 2e-6 of a double filter's and states
@@ -35,6 +32,7 @@
 
 #include "uwbpos/core/linalg.hpp"
 #include "uwbpos/core/result.hpp"
+#include "uwbpos/filter/factored_prediction.hpp"
 
 namespace uwbpos {
 
@@ -104,6 +102,20 @@ class FactoredCovariance {
   [[nodiscard]] ProjectedRow<S, M> project(const Vec<S, M>& row) const {
     static_assert(M <= N, "a row has no more entries than there are states");
     ProjectedRow<S, M> projected;
+    if constexpr (M > kDense) {
+      projected.f = Vec<S, M>::Zero();
+      for (int i = 0; i < M; ++i) {
+        const S h = row[i];
+        if (h == S(0)) continue;
+        for (int j = 0; j < i; ++j) projected.f[j] += l_(i, j) * h;
+        projected.f[i] += h;
+      }
+      for (int j = 0; j < M; ++j) {
+        projected.g[j] = d_[j] * projected.f[j];
+        projected.variance += projected.f[j] * projected.g[j];
+      }
+      return projected;
+    }
     for (int j = 0; j < M; ++j) {
       S sum = row[j];
       for (int i = j + 1; i < M; ++i) sum += l_(i, j) * row[i];
@@ -115,21 +127,23 @@ class FactoredCovariance {
   }
 
   /// (2) and (3) for a row projected before, of this very covariance, and a noise variance
-  /// `noise` > 0. Returns the gain K. O(M·N), M + 1 divisions.
+  /// `noise` > 0. States from `size` on are correlated to none, and no part of the row. Returns the
+  /// gain K. O(M·size), M + 1 divisions.
   template <int M>
-  Vec<S, N> update(const ProjectedRow<S, M>& row, S noise) {
+  Vec<S, N> update(const ProjectedRow<S, M>& row, S noise, int size = N) {
     Vec<S, N> b = Vec<S, N>::Zero();
     S inverse = S(1) / noise;  // of α
     S alpha = noise;
     for (int j = M - 1; j >= 0; --j) {
       const S f = row.f[j];
+      if (M > kDense && f == S(0)) continue;
       const S g = row.g[j];
       const S step = f * inverse;
       const S before = alpha;
       alpha += f * g;
       inverse = S(1) / alpha;
       d_[j] *= before * inverse;
-      for (int i = j + 1; i < N; ++i) {
+      for (int i = j + 1; i < size; ++i) {
         const S old = l_(i, j);
         l_(i, j) = old - step * b[i];
         b[i] += g * old;
@@ -158,7 +172,21 @@ class FactoredCovariance {
     Vec<S, N + Q> weight;
     for (int k = 0; k < N; ++k) weight[k] = d_[k];
     for (int k = 0; k < Q; ++k) weight[N + k] = q[k];
-    orthogonalise<Q>(w, weight);
+    detail::orthogonalise<N>(l_, d_, w, weight, N);
+  }
+
+  /// The same where only the first M states move, by `f` and the noises of `g`, and all others
+  /// stay; those from `size` on are correlated to none. O(size²·(M + Q)).
+  template <int M, int Q>
+  void predict_first(const Mat<S, M>& f, const Eigen::Matrix<S, M, Q>& g, const Vec<S, Q>& q,
+                     int size = N) {
+    detail::predict_first(l_, d_, f, g, q, size);
+  }
+
+  /// State k becomes `kept` times itself and a noise of variance `noise` ≥ 0; states from `size` on
+  /// are correlated to none. O((size − k)²).
+  void predict_process(int k, S kept, S noise, int size = N) {
+    detail::predict_process(l_, d_, k, kept, noise, size);
   }
 
   /// L; its strictly upper part is zero.
@@ -167,26 +195,7 @@ class FactoredCovariance {
   [[nodiscard]] const Vec<S, N>& diagonal() const { return d_; }
 
  private:
-  template <int Q>
-  void orthogonalise(Eigen::Matrix<S, N + Q, N>& w, const Vec<S, N + Q>& weight) {
-    Vec<S, N + Q> weighted;
-    for (int j = 0; j < N; ++j) {
-      S square = S(0);
-      for (int k = 0; k < N + Q; ++k) {
-        weighted[k] = weight[k] * w(k, j);
-        square += weighted[k] * w(k, j);
-      }
-      d_[j] = square;
-      const S inverse = square > S(0) ? S(1) / square : S(0);
-      for (int i = j + 1; i < N; ++i) {
-        S product = S(0);
-        for (int k = 0; k < N + Q; ++k) product += weighted[k] * w(k, i);
-        const S ratio = product * inverse;
-        l_(i, j) = ratio;
-        for (int k = 0; k < N + Q; ++k) w(k, i) -= ratio * w(k, j);
-      }
-    }
-  }
+  static constexpr int kDense = 8;  // a longer row is mostly zeros: biases of others
 
   Mat<S, N> l_;
   Vec<S, N> d_;

@@ -36,6 +36,7 @@ struct FirstReadings {
   int ranges = 0;           ///< how many of them are ranges
   std::int64_t span = 0;    ///< from the oldest of them to the last [µs]
   bool has_levers = false;  ///< two different lever arms occur
+  bool repeated = false;    ///< a link was heard twice: all that are to be heard have been, perhaps
   std::optional<TimedPosition<S>> position = std::nullopt;  ///< the last of another system
   std::optional<TimedHeading<S>> heading = std::nullopt;    ///< the last measured
   Vec<S, 3> specific_force = Vec<S, 3>::Zero();             ///< mean of accelerometers, or zero
@@ -73,9 +74,11 @@ template <class S>
                 other.anchor_b != arrival->anchor_b ||
                 (other.is_difference && other.anchor_a != arrival->anchor_a);
       }
+      set.repeated = set.repeated || !fresh;
       if (!fresh) continue;
       const S age = seconds_between<S>(event.time, now) * speed_sigma;
-      const S unknown = age * age + (arrival->is_difference ? S(2) : S(1)) * bias_variance;
+      const int biases = (arrival->bias_b >= 0 ? 1 : 0) + (arrival->bias_a >= 0 ? 1 : 0);
+      const S unknown = age * age + static_cast<S>(biases) * bias_variance;
       taken[static_cast<std::size_t>(set.count)] = arrival;
       set.readings[static_cast<std::size_t>(set.count++)] = {arrival->a,
                                                              arrival->b,

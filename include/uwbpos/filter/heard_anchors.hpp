@@ -8,6 +8,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
 namespace uwbpos {
 
@@ -34,6 +35,38 @@ class PlacesById {
  private:
   std::array<Id, static_cast<std::size_t>(Capacity + 1)> ids_{};
   int size_ = 0;
+};
+
+/// Places of biases by anchor, or with `ByLink` by tag and anchor: those expected first, then those
+/// heard first.
+template <int Capacity, bool ByLink>
+class BiasPlaces {
+ public:
+  /// The place of a bias, −1 without one. O(Capacity).
+  [[nodiscard]] int find(std::uint32_t anchor, std::uint32_t tag) const {
+    return places_.find(key(anchor, tag));
+  }
+  /// The same; a new one gets the next place while there is one.
+  [[nodiscard]] int place(std::uint32_t anchor, std::uint32_t tag) {
+    return places_.place(key(anchor, tag));
+  }
+  /// Gives it a place as one that is expected; false if there is none left.
+  [[nodiscard]] bool expect(std::uint32_t anchor, std::uint32_t tag) {
+    const int given = place(anchor, tag);
+    if (given >= expected_) expected_ = given + 1;
+    return given >= 0;
+  }
+  /// Whether that at a place was expected.
+  [[nodiscard]] bool is_expected(int place) const { return place >= 0 && place < expected_; }
+
+ private:
+  using Key = std::conditional_t<ByLink, std::uint64_t, std::uint32_t>;
+  [[nodiscard]] static constexpr Key key(std::uint32_t anchor, std::uint32_t tag) {
+    return static_cast<Key>(ByLink ? std::uint64_t{tag} << 32 | anchor : anchor);
+  }
+
+  PlacesById<Capacity, Key> places_;
+  int expected_ = 0;
 };
 
 /// What an anchor's measurements have been like. A difference counts for both of its anchors.

@@ -52,6 +52,7 @@ struct Track {
   typename Motion::Input input{};                ///< that drives it
   Vec<S, Biases> bias = Vec<S, Biases>::Zero();  ///< of ranges, estimate minus truth [m]
   FactoredCovariance<S, kDof> covariance;        ///< of the errors of state and biases
+  int heard = 0;                                 ///< biases that a measurement has touched
 };
 
 /// Seconds from `from` to `to`, exact until the division: float loses nothing of the epoch.
@@ -66,28 +67,20 @@ template <class Motion, int Biases>
 void step_by(Track<Motion, Biases>& track, const TrackModel<Motion>& model,
              typename Motion::Scalar t) {
   using S = typename Motion::Scalar;
-  constexpr int n = Motion::kDof;
-  constexpr int all = Track<Motion, Biases>::kDof;
   const auto step = model.motion.propagate(track.state, track.input, t);
   if constexpr (requires { track.input.age; }) track.input.age += t;
   if constexpr (Biases == 0) {
     track.covariance.predict(step.f, step.g, step.q);
   } else {
-    constexpr int noises = decltype(step.q)::RowsAtCompileTime;
-    Mat<S, all> f = Mat<S, all>::Identity();
-    Eigen::Matrix<S, all, noises + Biases> g = Eigen::Matrix<S, all, noises + Biases>::Zero();
-    Vec<S, noises + Biases> q;
-    f.template topLeftCorner<n, n>() = step.f;
-    g.template topLeftCorner<n, noises>() = step.g;
-    q.template head<noises>() = step.q;
+    // What was not heard stays as it was: on its own, of variance σ_b².
+    const int size = Motion::kDof + track.heard;
+    track.covariance.predict_first(step.f, step.g, step.q, size);
     const S kept = exponential(-t / model.bias_time);  // (1)
-    for (int k = 0; k < Biases; ++k) {
+    const S fresh = model.bias_sigma * model.bias_sigma * (S(1) - kept * kept);
+    for (int k = 0; k < track.heard; ++k) {
       track.bias[k] *= kept;
-      f(n + k, n + k) = kept;
-      g(n + k, noises + k) = S(1);
-      q[noises + k] = model.bias_sigma * model.bias_sigma * (S(1) - kept * kept);
+      track.covariance.predict_process(Motion::kDof + k, kept, fresh, size);
     }
-    track.covariance.predict(f, g, q);
   }
 }
 
@@ -111,7 +104,8 @@ void advance(Track<Motion, Biases>& track, const TrackModel<Motion>& model, std:
 template <class Motion, int Biases, class S, int M>
 void correct(Track<Motion, Biases>& track, const Motion& motion, const ProjectedRow<S, M>& row,
              S innovation, S noise) {
-  Vec<S, Track<Motion, Biases>::kDof> step = track.covariance.update(row, noise);
+  Vec<S, Track<Motion, Biases>::kDof> step =
+      track.covariance.update(row, noise, Motion::kDof + track.heard);
   step *= innovation;
   motion.correct(track.state, step.template head<Motion::kDof>());
   for (int k = 0; k < Biases; ++k) track.bias[k] += step[Motion::kDof + k];
@@ -128,16 +122,17 @@ void confirm(Track<Motion, Biases>& track) {
 }
 
 /// Corrects the track by a scalar if the gate lets it: by statistics, and where `slope` > 0, the
-/// length of the gradient by position, by reachability. Errors: NotFinite, Unreachable,
-/// OutlierRejected; then nothing changes.
+/// length of the gradient by position, by reachability, to which `unknown` is noise, too: the
+/// variance of what else the row tells of. Errors: NotFinite, Unreachable, OutlierRejected; then
+/// nothing changes.
 template <class Motion, int Biases, class S, int M>
 [[nodiscard]] Result<Innovation<S>> gated_correct(Track<Motion, Biases>& track,
                                                   const TrackModel<Motion>& model,
                                                   const Vec<S, M>& row, S innovation, S noise,
-                                                  S slope) {
+                                                  S slope, S unknown = S(0)) {
   if (slope > S(0)) {
     const Reach<S> reach{seconds_between<S>(track.used_at, track.time), track.position_variance};
-    if (const auto error = check_reach(model.gate, reach, innovation, slope, noise)) {
+    if (const auto error = check_reach(model.gate, reach, innovation, slope, S(noise + unknown))) {
       return std::unexpected(*error);
     }
   }

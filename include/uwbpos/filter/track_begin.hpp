@@ -5,6 +5,7 @@
 /// @file
 /// A track from a first fix, and the heading of a robot from where it drives.
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -46,6 +47,30 @@ class Departure {
   std::optional<Vec<S, 2>> from_;
   S variance_ = S(0);
   std::int64_t time_ = 0;
+};
+
+/// When to look for a beginning, and when to believe one.
+class BeginningPace {
+ public:
+  /// Whether to look, at an event that tells of a place.
+  [[nodiscard]] bool looks() { return --pause_ < 0; }
+  /// `count` readings did not agree. When a quarter of them are new they may, then half, then all.
+  void disagreed(int count) {
+    pause_ = failed_ = std::min(count, std::max(count / 4, 2 * failed_));
+  }
+  /// A track began.
+  void restart() { pause_ = failed_ = 0; }
+
+  /// Whether a fix with so much redundancy may be believed. Of a few readings one that lies may
+  /// agree with the wrong ones: four more than needed are waited for, two once a link is
+  /// `repeated`, and one when the window has passed (`waited`).
+  [[nodiscard]] static bool believes(int degrees_of_freedom, bool repeated, bool waited) {
+    return degrees_of_freedom >= (waited ? 1 : repeated ? 2 : 4);
+  }
+
+ private:
+  int pause_ = 0;   // events before it is looked for again
+  int failed_ = 0;  // what that was after the last that was not found
 };
 
 /// The track that begins at the last of `events` with a fix, a heading where the motion has one,

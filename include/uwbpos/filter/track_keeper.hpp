@@ -40,12 +40,13 @@ class TrackKeeper {
     const int place = window_.insert(event);
     if (tracking_ && beyond_gap(head_.used_at, event.time)) tracking_ = false;
     if (!tracking_) {
-      return begin() ? TrackUpdate<S>{TrackEvent::Started} : TrackUpdate<S>{TrackEvent::Gathered};
+      return tries(event) && begin() ? TrackUpdate<S>{TrackEvent::Started}
+                                     : TrackUpdate<S>{TrackEvent::Gathered};
     }
     const Result<Innovation<S>> result = replay_from(place);
     if (!result || result->dimension > 0) watch_.add(result.has_value(), event.time);
     if (result) return TrackUpdate<S>{TrackEvent::Used, *result};
-    if (watch_.suspicious(event.time, options_.patience) && begin()) {
+    if (watch_.suspicious(event.time, options_.patience) && tries(event) && begin()) {
       return TrackUpdate<S>{TrackEvent::Reopened};
     }
     return std::unexpected(result.error());
@@ -154,6 +155,10 @@ class TrackKeeper {
     return options_.heading;
   }
 
+  [[nodiscard]] bool tries(const Event<S>& event) {
+    return !std::holds_alternative<ImuSample<S>>(event.what) && pace_.looks();
+  }
+
   // Begins a track at the last event if the recent ones agree on a place.
   [[nodiscard]] bool begin() {
     const std::int64_t time = window_.events().back().time;
@@ -175,7 +180,7 @@ class TrackKeeper {
     FirstFix<S, kDimension> fix;
     if (const auto found = first_fix<S, kDimension>(set, options)) {
       const bool waited = time - window_.events().front().time >= options_.fix_window;
-      if (found->degrees_of_freedom < 2 && !waited) return false;
+      if (!pace_.believes(found->degrees_of_freedom, set.repeated, waited)) return false;
       fix = *found;
     } else if (set.position) {
       fix.position = set.position->position.template head<kDimension>();
@@ -183,6 +188,7 @@ class TrackKeeper {
       fix.covariance.template topLeftCorner<kDimension, kDimension>() =
           set.position->covariance.template topLeftCorner<kDimension, kDimension>();
     } else {
+      if (set.count > kDimension + 1) pace_.disagreed(set.count);
       return false;
     }
     std::optional<Measured<S>> heading = options.heading;
@@ -200,6 +206,7 @@ class TrackKeeper {
                                              window_.events());
     now_ = tracking_ ? std::max(now_, time) : time;
     tracking_ = true;
+    pace_.restart();
     window_.restart();
     watch_.reset(time);
     departure_.restart();
@@ -211,6 +218,7 @@ class TrackKeeper {
   ReplayWindow<Event<S>, Track, Size.window, Size.stride> window_;
   LockOutWatch watch_;
   Departure<S> departure_;
+  BeginningPace pace_;
   std::int64_t now_ = std::numeric_limits<std::int64_t>::min();
   std::int64_t stray_time_ = 0;
   int strays_ = 0;

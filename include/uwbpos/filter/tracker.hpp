@@ -16,7 +16,6 @@
 
 #include <cmath>
 #include <optional>
-#include <type_traits>
 
 #include "uwbpos/filter/heard_anchors.hpp"
 #include "uwbpos/filter/track_keeper.hpp"
@@ -51,6 +50,13 @@ class Tracker {
       return std::unexpected(Error::InvalidOption);
     }
     return tags_.add(id, lever);
+  }
+
+  /// Expects an anchor, or with `Size.bias_by_link` its link to a tag, to be biased, even beyond
+  /// what is reachable. To be said before any measurement. Errors: CapacityExceeded.
+  [[nodiscard]] Result<void> expect_bias(std::uint32_t anchor, std::uint32_t tag = 0) {
+    if (!biased_.expect(anchor, tag)) return std::unexpected(Error::CapacityExceeded);
+    return {};
   }
 
   /// A measurement of any kind. Errors after which nothing has changed: UnknownAnchor, UnknownTag,
@@ -129,7 +135,7 @@ class Tracker {
   /// observed: the measurements have not yet told half of its variance.
   [[nodiscard]] Result<Measured<S>> bias(std::uint32_t anchor, std::uint32_t tag = 0) const {
     if (!keeper_.tracking()) return std::unexpected(Error::NotYetLocated);
-    const int slot = biased_.find(biased(anchor, tag));
+    const int slot = biased_.find(anchor, tag);
     if (slot < 0) return std::unexpected(Error::UnknownAnchor);
     const S variance = keeper_.head().covariance(Track::kBias + slot, Track::kBias + slot);
     const S sigma = keeper_.options().model.bias_sigma;
@@ -152,13 +158,6 @@ class Tracker {
 
  private:
   static constexpr bool kRobot = requires { Motion::kSpeed; };
-  using Biased = std::conditional_t<Size.bias_by_link, std::uint64_t, std::uint32_t>;
-
-  // What has a bias of its own.
-  [[nodiscard]] static constexpr Biased biased(std::uint32_t anchor, std::uint32_t tag) {
-    return static_cast<Biased>(Size.bias_by_link ? std::uint64_t{tag} << 32 | anchor : anchor);
-  }
-
   [[nodiscard]] Told refuse(Error error) {
     counters_.count(error);
     return std::unexpected(error);
@@ -180,10 +179,11 @@ class Tracker {
       return refuse(Error::ImpossibleDifference);
     }
     ArrivalEvent<S> event{*a, *b, *lever, value, sigma * sigma, from.value_or(to), to, tag};
-    event.bias_a = from ? biased_.place(biased(*from, tag)) : -1;
-    event.bias_b = biased_.place(biased(to, tag));
+    event.bias_a = from ? biased_.place(*from, tag) : -1;
+    event.bias_b = biased_.place(to, tag);
     event.is_difference = from.has_value();
     event.shared = shared;
+    event.expected = biased_.is_expected(event.bias_a) || biased_.is_expected(event.bias_b);
     const bool tracked = keeper_.tracking();
     const Told told = push({time, event});
     const bool used = told && told->event == TrackEvent::Used;
@@ -214,7 +214,7 @@ class Tracker {
   Anchors<S, 3, Size.anchors> anchors_;
   Anchors<S, 3, Size.tags> tags_;
   HeardAnchors<Size.anchors> heard_;
-  PlacesById<Size.biases, Biased> biased_;  // those heard first
+  BiasPlaces<Size.biases, Size.bias_by_link> biased_;
   GateCounters counters_;
 };
 
