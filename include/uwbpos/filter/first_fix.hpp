@@ -28,6 +28,22 @@ struct FirstFix {
   std::optional<S> heading;  ///< where the measurements tell it [rad]
   Mat<S, D + 1> covariance;  ///< of (position, heading); without a heading, of the position alone
   int degrees_of_freedom;    ///< what it could be judged by
+
+  /// Begins where a position was measured; nothing judges it.
+  [[nodiscard]] static FirstFix at(const TimedPosition<S>& reading) {
+    FirstFix fix{};
+    fix.position = reading.position.template head<D>();
+    fix.covariance.setZero();
+    fix.covariance.template topLeftCorner<D, D>() =
+        reading.covariance.template topLeftCorner<D, D>();
+    return fix;
+  }
+  /// Variance of the position in all directions together [m²].
+  [[nodiscard]] S spread() const {
+    S sum = S(0);
+    for (int k = 0; k < D; ++k) sum += covariance(k, k);
+    return sum;
+  }
 };
 
 namespace detail {

@@ -9,9 +9,7 @@
 /// has locked it out, when nothing was used for `max_gap`, or when the clock of the events was set.
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
-#include <type_traits>
 
 #include "uwbpos/filter/apply_event.hpp"
 #include "uwbpos/filter/replay_window.hpp"
@@ -80,15 +78,12 @@ class TrackKeeper {
   [[nodiscard]] const TrackerOptions<Motion>& options() const { return options_; }
 
  private:
-  static constexpr int kMostStrays = 8;
-
   [[nodiscard]] bool beyond_gap(std::int64_t from, std::int64_t to) const {
     std::int64_t gap = 0;
     return __builtin_sub_overflow(to, from, &gap) || gap > options_.max_gap;
   }
 
-  // Whether an event of this time would have the rest of a blink done over whose first differences
-  // were dropped: it is not known any more what they share.
+  // Whether the rest of a blink would be done over whose first differences were dropped.
   [[nodiscard]] bool cuts_blink(std::int64_t time) {
     return window_.forgot() && is_shared(window_[0]) &&
            window_[0].time == window_.snapshot(0).time && time < window_[Size.stride - 1].time;
@@ -97,9 +92,9 @@ class TrackKeeper {
   // Times that do not fit are refused until eight in a row fit each other.
   [[nodiscard]] std::optional<Error> stray(std::int64_t time) {
     std::optional<Error> error;
-    if (window_.size() > 0 || tracking_) {
-      const std::int64_t last = window_.size() > 0 ? window_.events().back().time : head_.time;
-      const std::int64_t first = window_.size() > 0 ? window_.snapshot(0).time : head_.time;
+    if (const bool any = window_.size() > 0; any || tracking_) {
+      const std::int64_t last = any ? window_.events().back().time : head_.time;
+      const std::int64_t first = any ? window_.snapshot(0).time : head_.time;
       if (beyond_gap(last, time)) error = Error::GapTooLong;
       // What was used of the last time that was dropped is not known any more.
       const bool before = time < first || (time == first && window_.forgot() && time < last);
@@ -111,7 +106,7 @@ class TrackKeeper {
     }
     if (beyond_gap(stray_time_, time) || beyond_gap(time, stray_time_)) strays_ = 0;
     stray_time_ = time;
-    if (++strays_ < kMostStrays) return error;
+    if (++strays_ < 8) return error;
     strays_ = 0;
     tracking_ = false;
     window_.restart();
@@ -163,14 +158,13 @@ class TrackKeeper {
   [[nodiscard]] bool begin() {
     const std::int64_t time = window_.events().back().time;
     const S bias = Size.biases > 0 ? options_.model.bias_sigma : S(0);
-    const FirstReadings<S> set = gather_first_readings<S>(window_.events(), options_.fix_window,
-                                                          options_.speed_sigma, bias * bias);
+    const auto set = gather_first_readings<S>(window_.events(), options_.fix_window,
+                                              options_.speed_sigma, bias * bias);
     FirstFixOptions<S, kDimension> options;
     options.locate = options_.locate;
     if (tracking_ && !options.locate.prior) {
-      options.locate.prior = options_.model.motion.place(head_.state, Vec<S, 3>::Zero().eval())
-                                 .template head<kDimension>()
-                                 .eval();
+      const Vec<S, 3> place = options_.model.motion.place(head_.state, Vec<S, 3>::Zero().eval());
+      options.locate.prior = Vec<S, kDimension>{place.template head<kDimension>()};
     }
     if constexpr (requires { options_.model.motion.height; }) {
       options.height = options_.model.motion.height;
@@ -183,21 +177,16 @@ class TrackKeeper {
       if (!pace_.believes(found->degrees_of_freedom, set.repeated, waited)) return false;
       fix = *found;
     } else if (set.position) {
-      fix.position = set.position->position.template head<kDimension>();
-      fix.covariance.setZero();
-      fix.covariance.template topLeftCorner<kDimension, kDimension>() =
-          set.position->covariance.template topLeftCorner<kDimension, kDimension>();
+      fix = FirstFix<S, kDimension>::at(*set.position);
     } else {
       if (set.count > kDimension + 1) pace_.disagreed(set.count);
       return false;
     }
-    std::optional<Measured<S>> heading = options.heading;
+    auto heading = options.heading;
     if (fix.heading) heading = Measured<S>{*fix.heading, fix.covariance(kDimension, kDimension)};
     if constexpr (requires { requires Motion::kLooksAhead; }) {
       if (!heading) {
-        S variance = S(0);
-        for (int k = 0; k < kDimension; ++k) variance += fix.covariance(k, k);
-        heading = departure_.heading({fix.position[0], fix.position[1]}, variance, time,
+        heading = departure_.heading({fix.position[0], fix.position[1]}, fix.spread(), time,
                                      options_.max_gap);
       }
     }
