@@ -20,8 +20,8 @@ struct RangeTerms {
   P turn;                  ///< w / d [1/m³]
 };
 
-/// The terms at `position`, relative to `center`, both vectors of scalars or of lanes, of what `take`
-/// and `one` of `sum_in_lanes` stand for. O(D), no allocation.
+/// The terms at `position`, relative to `center`, both vectors of scalars or of lanes, of what
+/// `take` and `one` of `sum_in_lanes` stand for. O(D), no allocation.
 template <class S, int D, class X, class C, class Take, class P>
 [[nodiscard, gnu::always_inline]] inline RangeTerms<P, D> range_terms(const X& position,
                                                                       const C& center,
