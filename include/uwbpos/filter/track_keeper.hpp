@@ -181,7 +181,7 @@ class TrackKeeper {
       fix.covariance.template topLeftCorner<kDimension, kDimension>() =
           set.position->covariance.template topLeftCorner<kDimension, kDimension>();
     } else {
-      if (set.count > kDimension + 1) pace_.disagreed(set.count);
+      if (set.ranges == 0 && set.count > kDimension + 1) pace_.disagreed(set.count);
       return false;
     }
     std::optional<Measured<S>> heading = options.heading;
