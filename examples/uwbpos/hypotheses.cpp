@@ -252,7 +252,8 @@ void HypothesisBank::take(std::int64_t time, const InertialReading& sample) {
 void HypothesisBank::remember(const Heard& heard) {
   if (options_.anchors.size() > kMostSuspects) return;  // nobody is going to ask
   history_.push_back(heard);
-  while (last_ - history_.front().time > kRemembered || history_.size() > kMostRemembered) {
+  while (history_.size() > 1 &&
+         (last_ - history_.front().time > kRemembered || history_.size() > kMostRemembered)) {
     history_.pop_front();
   }
 }

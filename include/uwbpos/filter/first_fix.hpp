@@ -166,7 +166,7 @@ Result<FirstFix<S, D>> first_pose(const FirstReadings<S>& set, const FirstFixOpt
   const int freedom = used + (options.heading ? 1 : 0) - N;
   const Ldlt<S, N> factor{best->information};
   constexpr S kSigmas = S(3);
-  const bool believed = freedom >= 1 && 5 * used >= 3 * set.count && factor.positive_definite() &&
+  const bool believed = freedom >= 1 && 3 * used >= 2 * set.count && factor.positive_definite() &&
                         best->chi_squared <= chi_squared_gate(freedom, kSigmas);
   if (!believed) return std::unexpected(Error::NotYetLocated);
   // Another heading must be nine less likely in χ², as mirror images.

@@ -27,22 +27,20 @@ struct FirstFixOptions {
   bool wants_heading = false;                         ///< look for one
 };
 
-/// A position to descend from [m]. By the ranges if there are enough, else by the differences, the
-/// newest fourteen of them.
+/// A position to descend from [m]. By the ranges if there are enough, else by the newest fourteen
+/// differences.
 /// Errors: those of `locate`.
 template <class S, int D>
 [[nodiscard]] Result<Vec<S, D>> first_position(const FirstReadings<S>& set,
                                                const FirstFixOptions<S, D>& options) {
   const bool by_ranges = set.ranges > D || set.ranges == set.count;
   const auto flat = [](const Vec<S, 3>& v) { return Vec<S, D>{v.template head<D>()}; };
-  // The newest will do: what is wanted is a place to start from.
-  constexpr int kMost = 14;
   int n = 0;
   ExclusionOptions<S> exclusion;
-  exclusion.max_excluded = std::min(set.count, kMost) / 3;
   if (by_ranges) {
-    std::array<RangeTo<S, D>, static_cast<std::size_t>(kMost)> ranges;
-    for (int i = 0; i < set.count && n < kMost; ++i) {
+    exclusion.max_excluded = set.count / 3;
+    std::array<RangeTo<S, D>, static_cast<std::size_t>(kMaxMeasurements)> ranges;
+    for (int i = 0; i < set.count; ++i) {
       const FirstReading<S>& r = set.readings[static_cast<std::size_t>(i)];
       if (r.is_difference) continue;
       const S arm = squared_norm<S, 3>(r.lever);
@@ -61,6 +59,9 @@ template <class S, int D>
     if (!fix) return std::unexpected(fix.error());
     return fix->fix.position;
   }
+  // The newest will do: what is wanted is a place to start from.
+  constexpr int kMost = 14;
+  exclusion.max_excluded = std::min(set.count, kMost) / 3;
   std::array<PairDifference<S, D>, static_cast<std::size_t>(kMost)> pairs;
   for (int i = 0; i < set.count && n < kMost; ++i) {
     const FirstReading<S>& r = set.readings[static_cast<std::size_t>(i)];

@@ -54,7 +54,8 @@ class BeginningPace {
  public:
   /// Whether to look, at an event that tells of a place.
   [[nodiscard]] bool looks() { return --pause_ < 0; }
-  /// `count` readings did not agree. When a quarter of them are new they may, then half, then all.
+  /// `count` differences did not agree, which takes long to find. When a quarter of them are new
+  /// they may, then half, then all.
   void disagreed(int count) {
     pause_ = failed_ = std::min(count, std::max(count / 4, 2 * failed_));
   }

@@ -179,7 +179,7 @@ class TrackKeeper {
     } else if (set.position) {
       fix = FirstFix<S, kDimension>::at(*set.position);
     } else {
-      if (set.count > kDimension + 1) pace_.disagreed(set.count);
+      if (set.ranges == 0 && set.count > kDimension + 1) pace_.disagreed(set.count);
       return false;
     }
     auto heading = options.heading;
