@@ -62,15 +62,30 @@ template <>
 struct PairOf<double> {
   using Type [[gnu::vector_size(16)]] = double;  ///< arithmetic lane by lane
 };
-/// The roots of both.
-[[nodiscard, gnu::always_inline]] inline PairOf<double>::Type square_root(PairOf<double>::Type x) {
+#endif
+
+/// The roots of registers, lane by lane.
+template <class P>
+  requires(!std::is_arithmetic_v<P>)
+[[nodiscard, gnu::always_inline]] inline P square_root(const P& x) {
 #if __has_builtin(__builtin_elementwise_sqrt)
   return __builtin_elementwise_sqrt(x);
 #else
-  return __builtin_ia32_sqrtpd(x);
+  using S = std::remove_cvref_t<decltype(x[0])>;
+  constexpr bool kDouble = std::is_same_v<S, double>;
+#if defined(__AVX__)
+  if constexpr (kDouble && sizeof(P) == 32) return __builtin_ia32_sqrtpd256(x);
+  if constexpr (!kDouble && sizeof(P) == 32) return __builtin_ia32_sqrtps256(x);
+#endif
+#if defined(__SSE2__)
+  if constexpr (kDouble && sizeof(P) == 16) return __builtin_ia32_sqrtpd(x);
+  if constexpr (!kDouble && sizeof(P) == 16) return __builtin_ia32_sqrtps(x);
+#endif
+  P roots = x;
+  for (std::size_t i = 0; i < sizeof(P) / sizeof(S); ++i) roots[i] = std::sqrt(x[i]);
+  return roots;
 #endif
 }
-#endif
 
 /// The root of one, for code that is written for both.
 template <class S>
@@ -93,6 +108,15 @@ template <class P>
 
 /// Whether a comparison of two numbers holds, or one of lanes in every lane.
 [[nodiscard]] constexpr bool is_certain(bool holds) { return holds; }
+/// The same of a mask of lanes.
+template <class Mask>
+  requires(!std::is_arithmetic_v<Mask>)
+[[nodiscard]] bool is_certain(const Mask& mask) {
+  for (std::size_t i = 0; i < sizeof(Mask) / sizeof(mask[0]); ++i) {
+    if (!mask[i]) return false;
+  }
+  return true;
+}
 
 /// K sums over the elements of `all`, in lanes. `step(sum, take, one)` adds to the numbers `sum`
 /// what take(f) = f(element) has, for one element or for two: scalars and pairs alike. Terms must

@@ -52,43 +52,6 @@ template <class S>
   return lanes;
 }
 
-#if !defined(__SSE2__) || defined(__AVX__)
-/// The roots of doubles.
-[[nodiscard, gnu::always_inline]] inline Wide<double> square_root(Wide<double> x) {
-#if __has_builtin(__builtin_elementwise_sqrt)
-  return __builtin_elementwise_sqrt(x);
-#elif defined(__AVX__)
-  return __builtin_ia32_sqrtpd256(x);
-#else
-  for (std::size_t i = 0; i < kLanes<double>; ++i) x[i] = std::sqrt(x[i]);
-  return x;
-#endif
-}
-#endif
-/// The roots of floats.
-[[nodiscard, gnu::always_inline]] inline Wide<float> square_root(Wide<float> x) {
-#if __has_builtin(__builtin_elementwise_sqrt)
-  return __builtin_elementwise_sqrt(x);
-#elif defined(__AVX__)
-  return __builtin_ia32_sqrtps256(x);
-#elif defined(__SSE__)
-  return __builtin_ia32_sqrtps(x);
-#else
-  for (std::size_t i = 0; i < kLanes<float>; ++i) x[i] = std::sqrt(x[i]);
-  return x;
-#endif
-}
-
-/// Whether a mask holds in every lane.
-template <class Mask>
-  requires(!std::is_arithmetic_v<Mask>)
-[[nodiscard]] bool is_certain(const Mask& mask) {
-  for (std::size_t i = 0; i < sizeof(Mask) / sizeof(mask[0]); ++i) {
-    if (!mask[i]) return false;
-  }
-  return true;
-}
-
 /// `sum_in_lanes` over elements that are registers themselves, one for each of `kLanes` problems:
 /// `all[i]` is such an element, `all.one(i)` one where it is there and zero where it is not.
 template <class P, int K, class V, class Step>
