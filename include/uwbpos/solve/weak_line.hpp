@@ -31,6 +31,8 @@ struct WeakLine {
   Vec<S, N> direction;  ///< v
   S linear;             ///< τ as the last pivot has it; 0 when it says nothing
   S information;        ///< A's curvature along v, the others free; 0 when A lacks this rank
+  S rough;              ///< τ as the last pivot has it while it is more than noise of the last step
+                        ///< alone: a guess, not a number where it is not
   S foot_spread;        ///< fᵀ A⁺ f, with A⁺ the inverse of the strong block
 };
 
@@ -51,6 +53,7 @@ template <class S, int N>
 
   S inverse[N];  // of the pivots
   S strongest = S(0);
+  S last_diagonal = a[kLast][kLast];
 #pragma GCC unroll 4
   for (int k = 0; k < kLast; ++k) {
     int best = k;
@@ -68,6 +71,7 @@ template <class S, int N>
     if (!(a[k][k] > kLost * strongest) || !(strongest > S(0))) {
       return std::unexpected(Error::DegenerateGeometry);
     }
+    if (k == kLast - 1) last_diagonal = a[kLast][kLast];
     inverse[k] = S(1) / a[k][k];
 #pragma GCC unroll 4
     for (int i = k + 1; i < N; ++i) {
@@ -119,7 +123,9 @@ template <class S, int N>
   const S pivot = a[kLast][kLast];
   const S consumed = normal(order[kLast], order[kLast]);
   const bool flat = !(pivot > kLost * consumed) || !(pivot > kLost * kLost * strongest);
-  line.linear = flat ? S(0) : along + b[kLast] / pivot * length;
+  const S tau = along + b[kLast] / pivot * length;
+  line.linear = flat ? S(0) : tau;
+  line.rough = pivot > kLost * last_diagonal ? tau : std::numeric_limits<S>::quiet_NaN();
   line.information = flat ? S(0) : pivot / (length * length);
   return line;
 }
