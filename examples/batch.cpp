@@ -16,16 +16,16 @@ namespace {
 
 using S = float;
 using Fixes = std::vector<uwbpos::Result<uwbpos::Fix<S, 3>>>;
-using Point = uwbpos::Vec<S, 3>;
+using HallPoint = uwbpos::Vec<S, 3>;
 
 // Solves in parts, one a thread; a part has the ranges to each anchor side by side.
 struct Part {
   std::vector<S> ranges;
-  std::vector<Point> tags;
+  std::vector<HallPoint> tags;
   Fixes fixes;
 };
 
-double solve(std::vector<Part>& parts, const std::vector<Point>& anchors,
+double solve(std::vector<Part>& parts, const std::vector<HallPoint>& anchors,
              const std::vector<S>& sigmas, std::size_t threads) {
   const auto begin = std::chrono::steady_clock::now();
   {
@@ -49,8 +49,9 @@ int main() {
   constexpr std::size_t kParts = 128;
   constexpr std::size_t kEpochs = 4096;
   constexpr S kSigma = S(0.1);
-  const std::vector<Point> anchors{{0, 0, S(0.3)}, {20, 0, 4}, {20, 15, S(0.3)}, {0, 15, 4},
-                                   {10, 0, S(2)},  {0, 8, 1},  {20, 7, S(3.5)},  {10, 15, S(2.5)}};
+  const std::vector<HallPoint> anchors{{0, 0, S(0.3)},  {20, 0, 4},      {20, 15, S(0.3)},
+                                       {0, 15, 4},      {10, 0, S(2)},   {0, 8, 1},
+                                       {20, 7, S(3.5)}, {10, 15, S(2.5)}};
   const std::vector<S> sigmas(anchors.size(), kSigma);
   std::vector<Part> parts(kParts);
   uwbpos::sim::Random random{"batch"};
@@ -58,8 +59,8 @@ int main() {
     part.ranges.resize(anchors.size() * kEpochs);
     part.fixes.assign(kEpochs, std::unexpected(uwbpos::Error::TooFewMeasurements));
     for (std::size_t e = 0; e < kEpochs; ++e) {
-      const Point tag{S(random.uniform(1, 19)), S(random.uniform(1, 14)),
-                      S(random.uniform(0.5, 2))};
+      const HallPoint tag{S(random.uniform(1, 19)), S(random.uniform(1, 14)),
+                          S(random.uniform(0.5, 2))};
       part.tags.push_back(tag);
       for (std::size_t i = 0; i < anchors.size(); ++i) {
         part.ranges[i * kEpochs + e] =

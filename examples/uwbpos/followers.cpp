@@ -61,7 +61,7 @@ class Follower final : public Hypothesis {
   Follower(const BankOptions& bank, const TrackerOptions<Motion>& options, const RadioNoise& noise,
            std::optional<Id> suspected)
       : bank_{bank}, options_{options}, noise_{noise} {
-    liar = suspected;
+    liar = suspected;  // NOLINT(cppcoreguidelines-prefer-member-initializer): a base's
     if (Biases > 0) {
       options_.model.bias_sigma = liar ? kLie : noise.bias * bank.sigma;
       options_.model.bias_time = liar ? kLieTime : noise.bias_time;

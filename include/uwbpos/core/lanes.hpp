@@ -100,10 +100,16 @@ template <class P>
   return a < b ? a : b;
 }
 
+/// Whether x, or each of it, is a number.
+template <class P>
+[[nodiscard, gnu::always_inline]] inline auto is_number(const P& x) {
+  return x == x;  // NOLINT(misc-redundant-expression)
+}
+
 /// Whether x, or each of it, is a finite number: an int, or a mask, for use with &.
 template <class P>
 [[nodiscard, gnu::always_inline]] inline auto is_finite(const P& x) {
-  return (x - x == P{}) & (x == x);
+  return (x - x == P{}) & is_number(x);  // NOLINT(misc-redundant-expression)
 }
 
 /// Whether a comparison of two numbers holds, or one of lanes in every lane.

@@ -174,7 +174,7 @@ class TrackKeeper {
     FirstFix<S, kDimension> fix;
     if (const auto found = first_fix<S, kDimension>(set, options)) {
       const bool waited = time - window_.events().front().time >= options_.fix_window;
-      if (!pace_.believes(found->degrees_of_freedom, set.repeated, waited)) return false;
+      if (!BeginningPace::believes(found->degrees_of_freedom, set.repeated, waited)) return false;
       fix = *found;
     } else if (set.position) {
       fix = FirstFix<S, kDimension>::at(*set.position);

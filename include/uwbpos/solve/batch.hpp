@@ -66,7 +66,7 @@ template <class S, int D, class Solve>
   std::size_t count = 0;
   for (std::size_t i = 0; i < batch.anchors.size(); ++i) {
     const S range = batch.ranges[i * epochs + e];
-    if (range == range) ranges[count++] = {batch.anchors[i], range, batch.sigmas[i]};
+    if (is_number(range)) ranges[count++] = {batch.anchors[i], range, batch.sigmas[i]};
   }
   return solve(RangeSpan<S, D>{ranges.data(), count});
 }
@@ -191,7 +191,7 @@ Result<std::size_t> locate(const DifferenceBatch<S, D>& batch, std::span<Result<
     std::size_t n = 0;
     for (std::size_t i = 0; i < batch.anchors.size(); ++i) {
       const S d = batch.differences[i * epochs + e];
-      if (d == d) differences[n++] = {batch.anchors[i], d};
+      if (is_number(d)) differences[n++] = {batch.anchors[i], d};
     }
     fixes[e] = tdoa_least_squares(batch.reference, DifferenceSpan<S, D>{differences.data(), n},
                                   batch.sigma, options);

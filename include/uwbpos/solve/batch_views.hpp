@@ -64,12 +64,12 @@ struct WideRanges {
   }
   [[nodiscard]] Wide<S> one(std::size_t i) const {
     const Wide<S> range = load_lanes(&batch.ranges[i * epochs + begin]);
-    return range == range ? Wide<S>{} + S(1) : Wide<S>{};
+    return is_number(range) ? Wide<S>{} + S(1) : Wide<S>{};
   }
   [[nodiscard, gnu::always_inline]] inline WideRange<S, D> operator[](std::size_t i) const {
     const Wide<S> range = load_lanes(&batch.ranges[i * epochs + begin]);
     // What is not there has no weight; any number does.
-    return {batch.anchors[i], range == range ? range : Wide<S>{} + S(1), batch.sigmas[i]};
+    return {batch.anchors[i], is_number(range) ? range : Wide<S>{} + S(1), batch.sigmas[i]};
   }
 };
 
@@ -84,12 +84,12 @@ struct WideDifferences {
   [[nodiscard]] Wide<S> one(std::size_t i) const {
     if (i == 0) return Wide<S>{} + S(1);
     const Wide<S> d = load_lanes(&batch.differences[(i - 1) * epochs + begin]);
-    return d == d ? Wide<S>{} + S(1) : Wide<S>{};
+    return is_number(d) ? Wide<S>{} + S(1) : Wide<S>{};
   }
   [[nodiscard, gnu::always_inline]] inline WideRange<S, D> operator[](std::size_t i) const {
     if (i == 0) return {batch.reference, Wide<S>{}, batch.sigma};
     const Wide<S> d = load_lanes(&batch.differences[(i - 1) * epochs + begin]);
-    return {batch.anchors[i - 1], d == d ? d : Wide<S>{}, batch.sigma};
+    return {batch.anchors[i - 1], is_number(d) ? d : Wide<S>{}, batch.sigma};
   }
 };
 
