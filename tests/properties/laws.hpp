@@ -164,8 +164,9 @@ std::optional<Problem> make_spanned(const Scene& scene, int dimension, bool bias
 /// Noise of one measurement, by station and which of its measurements it is.
 double noise_of(const Scene& scene, std::size_t station, std::size_t which = 0);
 
-/// How far from the minimum an iteration may stop, in standard deviations.
-inline constexpr double kStop = 1e-3;
+/// How far from the minimum an iteration, or the step of a clear case (solve/direct_step.hpp), may
+/// stop, in standard deviations.
+inline constexpr double kStop = 5e-3;
 
 /// Position, covariance, χ² of a fix. `stop`: 0 for closed forms.
 template <class S, int D>

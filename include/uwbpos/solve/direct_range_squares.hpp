@@ -141,8 +141,9 @@ template <class S, int D, class P, class V>
   const auto started = (sums[kFault] == P{}) & is_finite(sums[kSquares]) &
                        is_well_conditioned<S, P, D>(a, of_a, terms) & (pull + least > P{});
 
-  // The start of a descent may have lost digits that an answer needs.
-  constexpr S kGood = S(1) / (S(64) * std::numeric_limits<S>::epsilon());
+  // The start of a descent may have lost digits that an answer needs: a third of them at most.
+  constexpr S kThird = sizeof(S) == 4 ? S(5e-3) : S(6e-6);  // the cubic root of ε
+  constexpr S kGood = kThird / std::numeric_limits<S>::epsilon();
   const auto precise = started & is_finite(inner<P, D>(place, place)) &
                        is_well_conditioned<S, P, D>(a, of_a, terms, kGood);
   constexpr S kHopeless = S(400);

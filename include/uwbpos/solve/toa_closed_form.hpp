@@ -67,11 +67,12 @@ Result<Mirror<S, D>> toa_closed_form(RangeSpan<S, D> span) {
 
 /// The two positions [m] that n ≥ D ranges allow, equal when there is one answer: the redundancy
 /// rules one out, or the tag lies in the anchors' plane (a root below zero by no more than five
-/// sigma is the plane itself). `first` fits no worse than `second`. With redundancy and noise the
-/// images depend on the axes, by a part of the noise. O(n·D²), no allocation. Errors: those of
-/// `check_ranges`; Error::DegenerateGeometry, anchors that span fewer than D − 1 dimensions;
-/// Error::InconsistentRanges, the circles or spheres miss one another beyond noise;
-/// Error::NumericOverflow.
+/// sigma is the plane itself). Where no image is to be feared it is the minimum of all squares
+/// together, else two points of a line: with redundancy and noise the two ways, and the line's with
+/// the axes, differ by a part of the noise. `first` fits no worse than `second`. O(n·D²), no
+/// allocation. Errors: those of `check_ranges`; Error::DegenerateGeometry, anchors that span fewer
+/// than D − 1 dimensions; Error::InconsistentRanges, the circles or spheres miss one another beyond
+/// noise; Error::NumericOverflow.
 template <RangeSet R>
 [[nodiscard]] auto toa_closed_form(const R& ranges)
     -> Result<Mirror<RangeSetScalar<R>, kRangeSetDimension<R>>> {
