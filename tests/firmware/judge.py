@@ -28,7 +28,7 @@ BUDGETS = {
 }
 # Budgets that are missed, and where they are held until they are met; the table says so.
 MISSED = {
-    "toa_least_squares_3d_8": {"flash": 7200, "stack": 600, "instructions": 3800},
+    "toa_least_squares_3d_8": {"flash": 10200, "stack": 700},
 }
 # Functions that call themselves, and how deep in a case: once for each receiver.
 NESTED = {"fsri_3": {"FsriSearchIfLi2EE4join": 3}, "fsri_4": {"FsriSearchIfLi2EE4join": 4}}
