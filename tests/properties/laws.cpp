@@ -21,7 +21,7 @@ namespace uwbpos::test {
 
 namespace {
 
-constexpr double kSingle = double{std::numeric_limits<float>::epsilon()};
+constexpr double kSingle = static_cast<double>(std::numeric_limits<float>::epsilon());
 constexpr double kDouble = std::numeric_limits<double>::epsilon();
 // Of the four draws that measure the condition the largest is near the root of the sum of squares;
 // an adversary among ten measurements or so does three times as much, and the input is rounded some
