@@ -69,6 +69,29 @@ template <class P, int D>
   }
 }
 
+/// The column of a covariance, or of an adjugate, whose diagonal entry is the greatest: the
+/// direction that the inverse holds worst, but for its length.
+template <class P, int D>
+struct WeakColumn {
+  Numbers<P, D> column = {};  ///< the column
+  P variance = P{};           ///< its entry on the diagonal
+};
+
+/// That of a matrix whose diagonal is positive; zero where it is not. O(D²).
+template <class P, int D>
+[[nodiscard, gnu::always_inline]] inline WeakColumn<P, D> weak_column(const Lower<P, D>& a) {
+  WeakColumn<P, D> weak;
+  unroll<D>([&](auto j) __attribute__((always_inline)) {
+    const P entry = a[lower_index<D>(j, j)];
+    const auto more = entry > weak.variance;
+    weak.variance = more ? entry : weak.variance;
+    unroll<D>([&](auto i) __attribute__((always_inline)) {
+      weak.column[i] = more ? a[lower_of<D>(i, j)] : weak.column[i];
+    });
+  });
+  return weak;
+}
+
 /// True, in each lane, where A is positive definite and rounding leaves its determinant ten bits or
 /// more: entries of A that came of subtraction carry errors of the terms' size, on the diagonal
 /// that of `terms`, and det A changes with a diagonal entry by its cofactor.

@@ -110,18 +110,16 @@ class FactoredCovariance {
         for (int j = 0; j < i; ++j) projected.f[j] += l_(i, j) * h;
         projected.f[i] += h;
       }
+    } else {
       for (int j = 0; j < M; ++j) {
-        projected.g[j] = d_[j] * projected.f[j];
-        projected.variance += projected.f[j] * projected.g[j];
+        S sum = row[j];
+        for (int i = j + 1; i < M; ++i) sum += l_(i, j) * row[i];
+        projected.f[j] = sum;
       }
-      return projected;
     }
     for (int j = 0; j < M; ++j) {
-      S sum = row[j];
-      for (int i = j + 1; i < M; ++i) sum += l_(i, j) * row[i];
-      projected.f[j] = sum;
-      projected.g[j] = d_[j] * sum;
-      projected.variance += sum * projected.g[j];
+      projected.g[j] = d_[j] * projected.f[j];
+      projected.variance += projected.f[j] * projected.g[j];
     }
     return projected;
   }

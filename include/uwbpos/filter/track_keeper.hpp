@@ -106,7 +106,8 @@ class TrackKeeper {
     }
     if (beyond_gap(stray_time_, time) || beyond_gap(time, stray_time_)) strays_ = 0;
     stray_time_ = time;
-    if (++strays_ < 8) return error;
+    constexpr int kMostStrays = 8;
+    if (++strays_ < kMostStrays) return error;
     strays_ = 0;
     tracking_ = false;
     window_.restart();

@@ -58,6 +58,13 @@ template <class S, int N>
   return anchors <= static_cast<std::size_t>(kMaxMeasurements) && measurements == anchors * results;
 }
 
+/// Whether the spans of `batch` fit one another and so many epochs.
+template <class S, int D>
+[[nodiscard]] bool fits(const RangeBatch<S, D>& batch, std::size_t epochs) {
+  return is_batch(batch.anchors.size(), batch.ranges.size(), epochs) &&
+         batch.sigmas.size() == batch.anchors.size();
+}
+
 /// The ranges of one epoch, gathered.
 template <class S, int D, class Solve>
 [[nodiscard]] auto gather_ranges(const RangeBatch<S, D>& batch, std::size_t epochs, std::size_t e,
@@ -76,10 +83,7 @@ template <class S, int D, bool doubtless, class Solve>
 Result<std::size_t> solve_range_batch(const RangeBatch<S, D>& batch,
                                       std::span<Result<Fix<S, D>>> fixes, const Solve& solve) {
   const std::size_t epochs = fixes.size();
-  if (!is_batch(batch.anchors.size(), batch.ranges.size(), epochs) ||
-      batch.sigmas.size() != batch.anchors.size()) {
-    return std::unexpected(Error::InvalidOption);
-  }
+  if (!fits(batch, epochs)) return std::unexpected(Error::InvalidOption);
   const auto wide = [&](std::size_t begin) {
     std::array<bool, kLanes<S>> solved = {};
     if (batch.anchors.size() < static_cast<std::size_t>(D)) return solved;
@@ -133,10 +137,7 @@ template <class S, int D>
 Result<std::size_t> toa_closed_form(const RangeBatch<S, D>& batch,
                                     std::span<Result<Mirror<S, D>>> positions) {
   const std::size_t epochs = positions.size();
-  if (!detail::is_batch(batch.anchors.size(), batch.ranges.size(), epochs) ||
-      batch.sigmas.size() != batch.anchors.size()) {
-    return std::unexpected(Error::InvalidOption);
-  }
+  if (!detail::fits(batch, epochs)) return std::unexpected(Error::InvalidOption);
   const auto wide = [&](std::size_t begin) {
     std::array<bool, kLanes<S>> solved = {};
     if (batch.anchors.size() < static_cast<std::size_t>(D)) return solved;

@@ -180,17 +180,8 @@ template <class S, int D, class Mask, class V>
   fix.bias = view[0].range + direct.bias;
   fix.chi_squared = position.chi_squared;
   fix.degrees_of_freedom = position.degrees_of_freedom;
-  S spread = S(1) / direct.total_weight;
-  for (int j = 0; j < D; ++j) {
-    S shared = S(0);
-    for (int k = 0; k < D; ++k) {
-      fix.covariance(k, j) = position.covariance(k, j);
-      shared -= position.covariance(j, k) * direct.mean_gradient[k];
-    }
-    fix.covariance(j, D) = fix.covariance(D, j) = shared;
-    spread -= shared * direct.mean_gradient[j];
-  }
-  fix.covariance(D, D) = spread;
+  fix.covariance =
+      covariance_with_bias<S, D>(position.covariance, direct.mean_gradient, direct.total_weight);
   return fix;
 }
 

@@ -44,17 +44,7 @@ template <class S, class P, int D>
                                                              const Numbers<P, D>& linear,
                                                              const P& least, const P& each,
                                                              const P& rho_square) {
-  // The weakest direction: the column of A⁻¹ with the greatest variance.
-  Numbers<P, D> weak = {};
-  P variance = P{};
-  unroll<D>([&](auto j) __attribute__((always_inline)) {
-    const P entry = of_a.adjugate[lower_index<D>(j, j)];
-    const auto more = entry > variance;
-    variance = more ? entry : variance;
-    unroll<D>([&](auto i) __attribute__((always_inline)) {
-      weak[i] = more ? of_a.adjugate[lower_of<D>(i, j)] : weak[i];
-    });
-  });
+  const Numbers<P, D> weak = weak_column<P, D>(of_a.adjugate).column;
   const P along = inner<P, D>(weak, linear);
   const P rest = inner<P, D>(linear, linear) - along * along / inner<P, D>(weak, weak);
   const P trace = trace_of<P, D>(a);
@@ -85,11 +75,7 @@ template <class S, int D, class P, class V>
       ranges, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
         using Q = std::remove_cvref_t<decltype(one)>;
         Numbers<Q, D> d;
-        Q square = Q{};
-        unroll<D>([&](auto k) __attribute__((always_inline)) {
-          d[k] = take([&](const auto& r) { return r.anchor[int(k)]; }) - first[k];
-          square += d[k] * d[k];
-        });
+        const Q square = anchor_offset<D>(d, take, first);
         const Q range = take([](const auto& r) { return r.range; });
         const Q sigma = take([](const auto& r) { return r.sigma; });
         const Q variance = sigma * sigma;
@@ -102,22 +88,8 @@ template <class S, int D, class P, class V>
       });
 
   // (1) about m, the weighted mean.
-  const P each = S(1) / sums[At::kWeight];
-  const P mean_square = sums[At::kSquare] * each;
-  Numbers<P, D> m;
-  Numbers<P, D> b;
-  Lower<P, D> a;
-  Numbers<P, D> terms;
-  unroll<D>([&](auto j) __attribute__((always_inline)) {
-    terms[j] = sums[lower_index<D>(j, j)];
-    m[j] = sums[At::kMean + j] * each;
-    b[j] = sums[At::kPull + j] - m[j] * sums[At::kSquare];
-  });
-  unroll<D>([&](auto j) __attribute__((always_inline)) {
-    unroll<D - j>([&](auto i) __attribute__((always_inline)) {
-      a[lower_index<D>(j + i, j)] = sums[lower_index<D>(j + i, j)] - sums[At::kMean + j + i] * m[j];
-    });
-  });
+  const CentredSums<P, D> about = centred_sums<S, D>(sums);
+  const auto& [a, terms, m, b, mean_square, each] = about;
   const Cofactors<P, D> of_a = cofactors<P, D>(a);
   const P inverse = S(1) / of_a.determinant;
   Numbers<P, D> linear = times<P, D>(of_a.adjugate, b);

@@ -54,11 +54,7 @@ template <class S, int D, class P, class V>
       view, [&](auto& sum, const auto& take, const auto& one) __attribute__((always_inline)) {
         using Q = std::remove_cvref_t<decltype(one)>;
         Numbers<Q, N> d;
-        Q square = Q{};
-        unroll<D>([&](auto k) __attribute__((always_inline)) {
-          d[k] = take([&](const auto& r) { return r.anchor[int(k)]; }) - first[k];
-          square += d[k] * d[k];
-        });
+        const Q square = anchor_offset<D>(d, take, first);
         d[D] = first_range - take([](const auto& r) { return r.range; });
         const Q sigma = take([](const auto& r) { return r.sigma; });
         const Q variance = sigma * sigma;
@@ -69,27 +65,15 @@ template <class S, int D, class P, class V>
         sum[kFault] += lesser(lesser(apart, Q{sigma - kSmallestSigma<S>}), Q{});
       });
 
-  const P each = S(1) / sums[At::kWeight];
-  Numbers<P, N> m;
-  Numbers<P, N> b;
-  Lower<P, N> a;
-  unroll<N>([&](auto j) __attribute__((always_inline)) {
-    m[j] = sums[At::kMean + j] * each;
-    b[j] = S(0.5) * (sums[At::kPull + j] - m[j] * sums[At::kSquare]);
-  });
-  unroll<N>([&](auto j) __attribute__((always_inline)) {
-    unroll<N - j>([&](auto i) __attribute__((always_inline)) {
-      constexpr int k = lower_index<N>(j + i, j);
-      a[k] = sums[k] - sums[At::kMean + j + i] * m[j];
-    });
-  });
+  const CentredSums<P, N> about = centred_sums<S, N>(sums);
+  const auto& [a, all_terms, m, twice_b, mean_square, each] = about;
 
   // A = (B, c; cᵀ, d), the bias last.
   Lower<P, D> block;
   Numbers<P, D> border;
   Numbers<P, D> terms;
   unroll<D>([&](auto j) __attribute__((always_inline)) {
-    terms[j] = sums[lower_index<N>(j, j)];
+    terms[j] = all_terms[j];
     border[j] = a[lower_index<N>(D, j)];
     unroll<D - j>([&](auto i) __attribute__((always_inline)) {
       block[lower_index<D>(j + i, j)] = a[lower_index<N>(j + i, j)];
@@ -100,7 +84,7 @@ template <class S, int D, class P, class V>
   Numbers<P, D> share = times<P, D>(of_block.adjugate, border);
   unroll<D>([&](auto k) __attribute__((always_inline)) { share[k] *= inverse; });
   const P pivot = a[kLast] - inner<P, D>(border, share);
-  P pivot_terms = sums[kLast];
+  P pivot_terms = all_terms[D];
   unroll<D>([&](auto k)
                 __attribute__((always_inline)) { pivot_terms += terms[k] * share[k] * share[k]; });
   Lower<P, N> p;  // A⁻¹
@@ -115,9 +99,10 @@ template <class S, int D, class P, class V>
   });
 
   const Numbers<P, N> turned = flipped(m);
-  Numbers<P, N> linear = times<P, N>(p, b);
-  unroll<N>([&](auto k) __attribute__((always_inline)) { linear[k] -= turned[k]; });
-  const P square = inner<P, N>(m, turned) - sums[At::kSquare] * each;
+  Numbers<P, N> linear = times<P, N>(p, twice_b);
+  unroll<N>([&](auto k)
+                __attribute__((always_inline)) { linear[k] = S(0.5) * linear[k] - turned[k]; });
+  const P square = inner<P, N>(m, turned) - mean_square;
   Numbers<P, N> z = linear;
   for (int i = 0; i < 2; ++i) {
     const Numbers<P, N> row = flipped(z);
@@ -128,16 +113,7 @@ template <class S, int D, class P, class V>
   }
 
   // v, but for its length: the column of A⁻¹ with the greatest variance.
-  Numbers<P, N> weak = {};
-  P variance = P{};
-  unroll<N>([&](auto j) __attribute__((always_inline)) {
-    const P other = p[lower_index<N>(j, j)];
-    const auto more = other > variance;
-    variance = more ? other : variance;
-    unroll<N>([&](auto i) __attribute__((always_inline)) {
-      weak[i] = more ? p[lower_of<N>(i, j)] : weak[i];
-    });
-  });
+  const auto [weak, variance] = weak_column<P, N>(p);
   const Numbers<P, N> row = flipped(weak);
   const P back = S(2) * inner<P, N>(z, row) / inner<P, N>(weak, row);
   Numbers<P, N> minimum;
@@ -149,10 +125,10 @@ template <class S, int D, class P, class V>
   // Squares weigh by four distances squared: f over twice the mean of those at the image. Ranges
   // that are negative there on the mean end it.
   const P mean = image[D] + m[D];  // less than zero, where ranges are not
-  const P mean_square = each * a[kLast] + mean * mean;
-  const P worse = ((mean > P{}) & (mean * mean > S(0.01) * mean_square))
+  const P squares_there = each * a[kLast] + mean * mean;
+  const P worse = ((mean > P{}) & (mean * mean > S(0.01) * squares_there))
                       ? P{} + std::numeric_limits<S>::max()
-                      : back * back * variance / (S(8) * mean_square);
+                      : back * back * variance / (S(8) * squares_there);
   constexpr S kLittle = S(1024) * std::numeric_limits<S>::epsilon();
   const auto well_formed = (sums[kFault] == P{}) & is_finite(sums[kSquares]) &
                            is_well_conditioned<S, P, D>(block, of_block, terms) &

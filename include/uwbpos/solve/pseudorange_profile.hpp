@@ -126,6 +126,25 @@ template <class S, int D>
   return minimum;
 }
 
+/// (2) of a position's `covariance`, ḡ, which numbers index, and W. O(D²), no allocation.
+template <class S, int D, class X>
+[[nodiscard]] Mat<S, D + 1> covariance_with_bias(const Mat<S, D>& covariance,
+                                                 const X& mean_gradient, S total_weight) {
+  Mat<S, D + 1> both;
+  S spread = S(1) / total_weight;
+  for (int j = 0; j < D; ++j) {
+    S shared = S(0);
+    for (int k = 0; k < D; ++k) {
+      both(k, j) = covariance(k, j);
+      shared -= covariance(j, k) * mean_gradient[k];
+    }
+    both(j, D) = both(D, j) = shared;
+    spread -= shared * mean_gradient[j];
+  }
+  both(D, D) = spread;
+  return both;
+}
+
 /// The fix that `profile`, with J at `position`, describes. O(D³), no allocation.
 /// Errors: Error::DegenerateGeometry, all unit vectors alike or in a cone; Error::NumericOverflow.
 template <class S, int D>
@@ -144,17 +163,7 @@ template <class S, int D>
       return std::unexpected(Error::DegenerateGeometry);
     }
   }
-  S spread = S(1) / profile.total_weight;
-  for (int j = 0; j < D; ++j) {
-    S shared = S(0);
-    for (int k = 0; k < D; ++k) {
-      fix.covariance(k, j) = p(k, j);
-      shared -= p(j, k) * profile.mean_gradient[k];
-    }
-    fix.covariance(j, D) = fix.covariance(D, j) = shared;
-    spread -= shared * profile.mean_gradient[j];
-  }
-  fix.covariance(D, D) = spread;
+  fix.covariance = covariance_with_bias<S, D>(p, profile.mean_gradient, profile.total_weight);
   fix.position = center + position;
   fix.bias = mean + profile.bias;
   fix.chi_squared = profile.normal.chi_squared;

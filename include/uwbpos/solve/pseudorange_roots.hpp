@@ -148,9 +148,7 @@ template <class S, int D, PseudorangeView<S, D> V>
   } else {
     keep(-h / a);
   }
-  if (roots.count == 0 || !(discriminant > S(0))) {
-    if (roots.count < 2) keep(line->rough);
-  }
+  if (roots.count == 0 || !(discriminant > S(0))) keep(line->rough);
   for (int i = 0; i < roots.count; ++i) {
     if (!all_finite(roots.candidates[i])) return std::unexpected(Error::NumericOverflow);
   }

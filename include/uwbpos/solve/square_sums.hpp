@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "uwbpos/core/cofactors.hpp"
 #include "uwbpos/core/lanes.hpp"
 #include "uwbpos/core/linalg.hpp"
 
@@ -72,6 +73,51 @@ template <int N, class P, int K>
   });
   sum[At::kSquare] += wq;
   sum[At::kWeight] += w;
+}
+
+/// Sets the first D of `d` to an element's anchor less `first`, and returns their squares' sum.
+template <int D, class P, int N, class Take, class X>
+[[nodiscard, gnu::always_inline]] inline P anchor_offset(Numbers<P, N>& d, const Take& take,
+                                                         const X& first) {
+  P square = P{};
+  unroll<D>([&](auto k) __attribute__((always_inline)) {
+    d[k] = take([&](const auto& r) { return r.anchor[int(k)]; }) - first[k];
+    square += d[k] * d[k];
+  });
+  return square;
+}
+
+/// A about the weighted mean, and what the clear cases need beside it, numbers or lanes of numbers.
+template <class P, int N>
+struct CentredSums {
+  Lower<P, N> normal;   ///< A
+  Numbers<P, N> terms;  ///< of A's diagonal, before the mean was taken off
+  Numbers<P, N> mean;   ///< m
+  Numbers<P, N> pull;   ///< Σ w q d − m Σ w q
+  P square;             ///< the mean of q
+  P each;               ///< 1/W
+};
+
+/// Moves sums about a place near the points to their weighted mean; no digits are looked after.
+/// O(N²), no allocation.
+template <class S, int N, class P, int K>
+[[nodiscard, gnu::always_inline]] inline CentredSums<P, N> centred_sums(const Numbers<P, K>& sums) {
+  using At = SquareSums<N>;
+  CentredSums<P, N> about;
+  about.each = S(1) / sums[At::kWeight];
+  about.square = sums[At::kSquare] * about.each;
+  unroll<N>([&](auto j) __attribute__((always_inline)) {
+    about.terms[j] = sums[lower_index<N>(j, j)];
+    about.mean[j] = sums[At::kMean + j] * about.each;
+    about.pull[j] = sums[At::kPull + j] - about.mean[j] * sums[At::kSquare];
+  });
+  unroll<N>([&](auto j) __attribute__((always_inline)) {
+    unroll<N - j>([&](auto i) __attribute__((always_inline)) {
+      constexpr int k = lower_index<N>(j + i, j);
+      about.normal[k] = sums[k] - sums[At::kMean + j + i] * about.mean[j];
+    });
+  });
+  return about;
 }
 
 /// (1) about the weighted mean.

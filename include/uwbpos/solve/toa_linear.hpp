@@ -22,10 +22,9 @@ Result<Fix<S, D>> toa_linear(RangeSpan<S, D> span) {
 
   const SquaredRanges<S, D> system = squared_ranges<S, D>(span);
   const Ldlt<S, D> normal{system.normal};
-  // A factor does not see that what sets anchors apart is the rounding of their places.
-  const Result<WeakLine<S, D>> line = weak_line<S, D>(system.normal, system.rhs);
-  const bool flat = !line || !(line->information > S(0));
-  if (flat || !normal.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
+  if (lacks_rank<S, D>(system.normal) || !normal.positive_definite()) {
+    return std::unexpected(Error::DegenerateGeometry);
+  }
   const Vec<S, D> s = normal.solve(system.rhs);
 
   return make_fix<S, D>(span, system.center + s, system.normal * S(4));

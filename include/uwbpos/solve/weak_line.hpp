@@ -130,6 +130,14 @@ template <class S, int N>
   return line;
 }
 
+/// Whether A lacks a rank, which a factor does not see where what sets points apart is the rounding
+/// of their places. O(N³), no allocation.
+template <class S, int N>
+[[nodiscard]] bool lacks_rank(const Mat<S, N>& normal) {
+  const Result<WeakLine<S, N>> line = weak_line<S, N>(normal, Vec<S, N>::Zero());
+  return !line || !(line->information > S(0));
+}
+
 }  // namespace uwbpos
 
 #include "uwbpos/core/macros_back.hpp"
