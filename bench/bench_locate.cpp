@@ -15,6 +15,7 @@
 #include <uwbpos/solve/locate.hpp>
 #include <uwbpos/solve/toa_chan.hpp>
 #include <uwbpos/solve/toa_linear.hpp>
+#include <uwbpos/solve/toa_refine.hpp>
 
 #include "scenes.hpp"
 
@@ -89,6 +90,16 @@ BENCHMARK(least_squares<float, 2>)->Apply(by_anchors<3>);
 BENCHMARK(least_squares<double, 2>)->Apply(by_anchors<3>);
 BENCHMARK(least_squares<float, 3>)->Apply(by_anchors<4>);
 BENCHMARK(least_squares<double, 3>)->Apply(by_anchors<4>);
+
+// From 30 cm beside the tag, in each direction.
+template <class S, int D>
+void refine(benchmark::State& state) {
+  solve_all(state, epochs<S, D>(static_cast<int>(state.range(0))), [](const auto& e) {
+    return toa_refine(e.ranges, Vec<S, D>{e.tag + Vec<S, D>::Constant(S(0.3))});
+  });
+}
+BENCHMARK(refine<float, 3>)->Apply(by_anchors<4>);
+BENCHMARK(refine<double, 3>)->Apply(by_anchors<4>);
 
 template <class S, int D>
 void chan(benchmark::State& state) {

@@ -82,6 +82,9 @@ int main() {
          [&](auto& random) { return position_of_fix(toa_chan(arrivals(random))); });
   report("toa_least_squares", tag, *range_bound,
          [&](auto& random) { return position_of_fix(toa_least_squares(arrivals(random))); });
+  report("toa_refine, 0.4 m beside", tag, *range_bound, [&](auto& random) {
+    return position_of_fix(toa_refine(arrivals(random), tag + Point{0.24, -0.32}));
+  });
   report("locate", tag, *range_bound,
          [&](auto& random) { return position_of_fix(locate(arrivals(random))); });
 

@@ -18,6 +18,7 @@
 #include "uwbpos/solve/toa_closed_form.hpp"
 #include "uwbpos/solve/toa_least_squares.hpp"
 #include "uwbpos/solve/toa_linear.hpp"
+#include "uwbpos/solve/toa_refine.hpp"
 
 #include "bytes.hpp"
 #include "checks.hpp"
@@ -51,6 +52,7 @@ void run(Bytes bytes) {
   check<S, D>(uwbpos::toa_linear(ranges), count);
   check<S, D>(uwbpos::toa_chan(ranges), count);
   check<S, D>(uwbpos::toa_least_squares(ranges, {.initial = options.prior}), count);
+  check<S, D>(uwbpos::toa_refine(ranges, options.prior ? *options.prior : options.side), count);
   if (const auto mirror = uwbpos::toa_closed_form(ranges)) {
     for (const S coordinate : mirror->first) require(std::isfinite(coordinate), "first image");
     for (const S coordinate : mirror->second) require(std::isfinite(coordinate), "second image");

@@ -35,17 +35,19 @@ template <class S, int D>
   return std::sqrt(squared_norm(a));
 }
 
+/// Zero where every component is finite, else not a number: sums of such need one comparison.
+template <class S, int Rows, int Cols>
+[[nodiscard]] S zero_if_finite(const Eigen::Matrix<S, Rows, Cols>& m) {
+  S zero = S(0);
+#pragma GCC unroll 9
+  for (int k = 0; k < Rows * Cols; ++k) zero += S(0) * m.data()[k];
+  return zero;
+}
+
 /// True when every component is finite.
 template <class S, int Rows, int Cols>
 [[nodiscard]] bool all_finite(const Eigen::Matrix<S, Rows, Cols>& m) {
-#pragma GCC unroll 4
-  for (int j = 0; j < Cols; ++j) {
-#pragma GCC unroll 4
-    for (int i = 0; i < Rows; ++i) {
-      if (!std::isfinite(m(i, j))) return false;
-    }
-  }
-  return true;
+  return zero_if_finite(m) == S(0);
 }
 
 /// Adds `weight` · g gᵀ to the lower triangle of `sum`. O(D²), no allocation.

@@ -73,32 +73,30 @@ inline constexpr S kSmallestSigma = S(1e-9);
          count <= static_cast<std::size_t>(kMaxMeasurements);
 }
 
-/// The first thing wrong with a set of ranges of any sign, or nothing. O(n), no allocation.
+/// The first thing wrong with a set of ranges, which may lie `negative_sigmas` below zero, or
+/// nothing. O(n), no allocation.
 /// Error::TooFewMeasurements below `at_least`, Error::TooManyMeasurements above `kMaxMeasurements`;
-/// Error::NotFinite; Error::NonPositiveSigma below `kSmallestSigma`.
+/// Error::NotFinite; Error::NonPositiveSigma below `kSmallestSigma`; Error::NegativeRange.
 template <class S, int D>
-[[nodiscard]] std::optional<Error> check_range_values(RangeSpan<S, D> ranges, int at_least) {
+[[nodiscard]] std::optional<Error> check_range_values(
+    RangeSpan<S, D> ranges, int at_least, S negative_sigmas = std::numeric_limits<S>::infinity()) {
   if (ranges.size() < static_cast<std::size_t>(at_least)) return Error::TooFewMeasurements;
   if (ranges.size() > static_cast<std::size_t>(kMaxMeasurements)) {
     return Error::TooManyMeasurements;
   }
   for (const RangeTo<S, D>& r : ranges) {
-    if (!all_finite(r.anchor) || !std::isfinite(r.range) || !std::isfinite(r.sigma)) {
-      return Error::NotFinite;
-    }
+    const S zero = zero_if_finite(r.anchor) + S(0) * r.range + S(0) * r.sigma;
+    if (!(zero == S(0))) return Error::NotFinite;
     if (!(r.sigma >= kSmallestSigma<S>)) return Error::NonPositiveSigma;
+    if (r.range < -negative_sigmas * r.sigma) return Error::NegativeRange;
   }
   return std::nullopt;
 }
 
-/// The same for distances. Further: Error::NegativeRange, more than three sigma below zero.
+/// The same for distances, which lie no more than three sigma below zero.
 template <class S, int D>
 [[nodiscard]] std::optional<Error> check_ranges(RangeSpan<S, D> ranges, int at_least) {
-  if (const auto error = check_range_values<S, D>(ranges, at_least)) return error;
-  for (const RangeTo<S, D>& r : ranges) {
-    if (r.range < -S(kNegativeRangeSigmas) * r.sigma) return Error::NegativeRange;
-  }
-  return std::nullopt;
+  return check_range_values<S, D>(ranges, at_least, S(kNegativeRangeSigmas));
 }
 
 /// Sum over the ranges of ((range − |position − anchor|) / sigma)². O(n·D), no allocation.

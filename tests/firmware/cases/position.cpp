@@ -7,6 +7,7 @@
 #include "uwbpos/solve/pseudorange_least_squares.hpp"
 #include "uwbpos/solve/toa_chan.hpp"
 #include "uwbpos/solve/toa_linear.hpp"
+#include "uwbpos/solve/toa_refine.hpp"
 
 #include "bench.hpp"
 
@@ -28,6 +29,27 @@ struct LeastSquares3 : FromRanges<3, 8> {
 };
 struct LeastSquares2 : FromRanges<2, 4> {
   static Output run(const Input& in) { return toa_least_squares(in); }
+};
+// From the last fix, 0.3 m away as a rule.
+struct Refine3 {
+  static constexpr int kRounds = 20;
+  struct Input {
+    std::array<RangeTo<float, 3>, 8> ranges;
+    Vec<float, 3> last;
+  };
+  using Output = Result<Fix<float, 3>>;
+  static Output run(const Input& in) { return toa_refine(in.ranges, in.last); }
+#ifndef FIRMWARE_TARGET
+  static void make(Input& in, sim::Random& random, int) {
+    const Vec<double, 3> tag = point_in_room(random);
+    for (std::size_t i = 0; i < in.ranges.size(); ++i) {
+      const Vec<double, 3> anchor = corner_of_room(random, i);
+      const double range = (tag - anchor).norm() + random.normal(0, 0.1);
+      in.ranges[i] = {anchor.cast<float>(), to_float(range), 0.1f};
+    }
+    for (int k = 0; k < 3; ++k) in.last[k] = to_float(tag[k] + random.normal(0, 0.2));
+  }
+#endif
 };
 struct Linear3 : FromRanges<3, 8> {
   static Output run(const Input& in) { return toa_linear(in); }
@@ -135,6 +157,7 @@ struct Bound3 : FromRanges<3, 8> {
 #define POSITION_CASES(X)                       \
   X(toa_least_squares_3d_8, LeastSquares3)      \
   X(toa_least_squares_2d_4, LeastSquares2)      \
+  X(toa_refine_3d_8, Refine3)                   \
   X(toa_linear_3d_8, Linear3)                   \
   X(toa_chan_3d_8, Chan3)                       \
   X(toa_closed_form_3d_4, ClosedForm3)          \
