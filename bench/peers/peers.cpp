@@ -13,6 +13,7 @@
 #include <uwbpos/solve/toa_closed_form.hpp>
 
 #include "cases.hpp"
+#include "pieces.hpp"
 #include "small_races.hpp"
 #include "timing.hpp"
 
@@ -177,6 +178,14 @@ int main(int count, char** arguments) {
   std::printf("\nRanges in 3-D by the number of anchors, ns a call and an anchor:");
   for (const auto& [anchors, each] : linear) std::printf(" %d: %.3g", anchors, each);
   std::printf("\n");
+  std::printf("\nA fix, and what it cannot do without, as shares of its time:\n");
+  const std::pair<const char*, std::vector<Piece>> fixes[] = {{"ranges", range_pieces()},
+                                                              {"differences", difference_pieces()}};
+  for (const auto& [what, pieces] : fixes) {
+    std::printf("%s:", what);
+    for (const Piece& piece : pieces) std::printf(" %s %.2f;", piece.name, piece.share);
+    std::printf("\n");
+  }
   if (failures != 0) std::printf("\n%d comparisons of answers FAILED\n", failures);
   return failures == 0 ? 0 : 1;
 }
