@@ -7,7 +7,6 @@
 #include <cstddef>
 #include <limits>
 #include <map>
-#include <set>
 #include <span>
 #include <stdexcept>
 
@@ -47,6 +46,13 @@ std::array<Id, 3> link_of(const Difference& d) { return {d.tag, d.anchor_a, d.an
 std::array<Id, 3> link_of(const Arrival& a) { return {a.receiver, 0, 0}; }
 std::array<Id, 3> link_of(const InertialReading&) { return {0, 0, 0}; }
 
+// Of what a row says about it, a number that hardly comes twice.
+double value_of(const Reading& r) { return r.range; }
+double value_of(const Exchange& e) { return static_cast<double>(e.poll_tx); }
+double value_of(const Difference& d) { return d.difference; }
+double value_of(const Arrival& a) { return a.count; }
+double value_of(const InertialReading& i) { return i.accelerometer[0]; }
+
 template <class T>
 double usual_step(const std::vector<T>& rows) {
   std::vector<double> steps;
@@ -68,10 +74,10 @@ bool set_back_at(const std::vector<T>& rows, std::size_t start, std::size_t at, 
   for (std::size_t i = at; i < end; ++i) {
     if (rows[i].t > newest - kReorderWindow) return false;
   }
-  std::map<std::array<Id, 3>, std::set<double>> before;
+  std::map<std::array<Id, 3>, std::map<double, double>> before;
   double oldest = newest;
   for (std::size_t i = start; i < at; ++i) {
-    before[link_of(rows[i])].insert(rows[i].t);
+    before[link_of(rows[i])].emplace(rows[i].t, value_of(rows[i]));
     oldest = std::min(oldest, rows[i].t);
   }
   std::size_t known = 0;
@@ -79,8 +85,9 @@ bool set_back_at(const std::vector<T>& rows, std::size_t start, std::size_t at, 
   for (std::size_t i = at; i < end; ++i) {
     const auto link = before.find(link_of(rows[i]));
     if (link == before.end()) continue;
-    if (rows[i].t < *link->second.rbegin()) ++known;
-    if (link->second.contains(rows[i].t)) ++twice;
+    if (rows[i].t < link->second.rbegin()->first) ++known;
+    const auto same = link->second.find(rows[i].t);
+    if (same != link->second.end() && same->second == value_of(rows[i])) ++twice;
   }
   double last = rows[at].t;
   for (std::size_t i = at; i < rows.size() && rows[i].t >= last - kReorderWindow; ++i) {

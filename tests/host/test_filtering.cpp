@@ -388,6 +388,10 @@ TEST_CASE("filtering: rows out of order, or tag by tag, are no clock that was se
   REQUIRE(found.size() == 1);
   CHECK(found.front().t == doctest::Approx(10));
   CHECK(found.front().back == doctest::Approx(9.98));
+  // To where times are those of rows before, which say something else.
+  auto onto = rows;
+  for (std::size_t k = 200; k < onto.size(); ++k) onto[k].first = rows[k - 200].first;
+  CHECK(resets(onto).size() == 1);
 }
 
 TEST_CASE("filtering: an accelerometer upside down, or without gravity, is refused by name") {

@@ -117,7 +117,7 @@ inline constexpr int kErrorCount = static_cast<int>(Error::InvalidTable) + 1;
     case Error::TimeNotIncreasing:
       return "time does not increase";
     case Error::GapTooLong:
-      return "the gap is too long to tell how often the counter wrapped";
+      return "the gap since the last measurement is too long to go on from it";
     case Error::ClockJump:
       return "a clock jumped or was reset";
     case Error::OutlierRejected:
@@ -156,7 +156,7 @@ inline constexpr int kErrorCount = static_cast<int>(Error::InvalidTable) + 1;
     case Error::UnknownAnchor:
       return "no anchor has this id";
     case Error::DuplicateAnchor:
-      return "an anchor with this id exists already";
+      return "the same anchor twice";
     case Error::CapacityExceeded:
       return "the fixed capacity is exhausted";
     case Error::InvalidTable:

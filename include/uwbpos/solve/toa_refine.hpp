@@ -76,8 +76,12 @@ Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
     });
     place += step;
     const S gain = dot(step, normal.gradient);
-    // Zero, or not a number where one of the two is not finite.
-    const S zero = S(0) * (trace_of<S, D>(covariance) + normal.chi_squared);
+    // Zero; not a number where χ² is not finite, or a variance is not or has drowned in rounding.
+    S finite = normal.chi_squared;
+    unroll<D>([&](auto k) __attribute__((always_inline)) {
+      finite += std::sqrt(covariance[lower_index<D>(k, k)]);
+    });
+    const S zero = S(0) * finite;
     if (!newton && gain + zero <= kNothing * (normal.chi_squared + S(1)) + noise) {
       Fix<S, D> fix;
       fix.position = origin + place;
