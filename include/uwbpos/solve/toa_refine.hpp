@@ -27,6 +27,8 @@ template <class S, int D>
 Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
   constexpr S kNothing = S(2e-5);  // a gain, in χ²
   constexpr S kNear = S(1);        // a gain after which the next is nothing, as a rule
+  // Of precision, squared, times about the number of ranges; much beyond it variances are rounding.
+  constexpr S kMostDilution = S(2048);
   constexpr S kRounding =
       S(16) * std::numeric_limits<S>::epsilon() * std::numeric_limits<S>::epsilon();
   if (const auto error = check_ranges<S, D>(ranges, D)) return std::unexpected(*error);
@@ -36,19 +38,19 @@ Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
   for (const RangeTo<S, D>& r : ranges) square += r.range * r.range;
   const Vec<S, D> origin = ranges.front().anchor;
   Vec<S, D> place = initial - origin;
-  Vec<S, D> step;
-  S allowed = std::numeric_limits<S>::infinity();
+  Vec<S, D> step = Vec<S, D>::Zero();
+  S allowed = std::numeric_limits<S>::max();
   bool newton = true;
   for (int left = kMostRefinements; left > 0; --left) {
     const NormalEquations<S, D> normal = range_normal<S, D>(
         ranges, origin, place, {}, newton ? Curvature::Full : Curvature::Information);
-    const S noise = normal.trace * (kRounding * square);
-    if (normal.chi_squared > allowed) {
+    const S nothing = kNothing * (normal.chi_squared + S(1)) + kRounding * square * normal.trace;
+    if (!(normal.chi_squared <= allowed)) {
       step *= S(0.5);
       place -= step;
       continue;
     }
-    allowed = S(1.02) * normal.chi_squared + S(64) * noise;  // more than rounding
+    allowed = normal.chi_squared + S(64) * nothing;  // more than rounding
     Lower<S, D> matrix;
     unroll<D>([&](auto j) __attribute__((always_inline)) {
       unroll<D - j>([&](auto i) __attribute__((always_inline)) {
@@ -76,13 +78,11 @@ Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
     });
     place += step;
     const S gain = dot(step, normal.gradient);
-    // Zero; not a number where χ² is not finite, or a variance is not or has drowned in rounding.
-    S finite = normal.chi_squared;
-    unroll<D>([&](auto k) __attribute__((always_inline)) {
-      finite += std::sqrt(covariance[lower_index<D>(k, k)]);
+    S sigmas = std::sqrt(covariance[0]);  // not a number where a variance drowned in rounding
+    unroll<D - 1>([&](auto k) __attribute__((always_inline)) {
+      sigmas += std::sqrt(covariance[lower_index<D>(k + 1, k + 1)]);
     });
-    const S zero = S(0) * finite;
-    if (!newton && gain + zero <= kNothing * (normal.chi_squared + S(1)) + noise) {
+    if (!newton && sigmas * sigmas * normal.trace < kMostDilution && gain <= nothing) {
       Fix<S, D> fix;
       fix.position = origin + place;
       unroll<D>([&](auto j) __attribute__((always_inline)) {
@@ -94,7 +94,7 @@ Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
       fix.degrees_of_freedom = static_cast<int>(ranges.size()) - D;
       return fix;
     }
-    newton = !newton || gain > kNear + noise;
+    newton = !newton || gain > kNear + nothing;
   }
   return std::unexpected(Error::NotConverged);
 }
@@ -104,10 +104,10 @@ Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
 /// Position [m] from n ≥ D ranges, in the anchors' frame, at the minimum of χ² whose basin holds
 /// `initial` [m], with cov = J⁻¹. O(n·D²) a step, no allocation.
 /// Errors: those of `check_ranges`; Error::NotFinite for `initial`; Error::DegenerateGeometry where
-/// the ranges do not determine a position, as from much too far off; Error::NotConverged after
-/// twenty, from a start too far off.
-/// What it leaves of a step is a thousandth of a standard deviation as a rule, and a few hundredths
-/// at worst.
+/// the ranges do not determine a position; Error::NotConverged after twenty, from a start too far
+/// off or to where position is diluted beyond what the scalar can tell, sixteen times by eight
+/// floats. What it leaves of a step is a thousandth of a standard deviation as a rule, and a few
+/// hundredths at worst.
 template <RangeSet R>
 [[nodiscard]] auto toa_refine(
     const R& ranges,
