@@ -19,9 +19,9 @@ BOARDS = {
     "m4f": "Cortex-M4F", "m7": "Cortex-M7", "m33": "Cortex-M33", "m3": "Cortex-M3", "m0": "Cortex-M0",
 }  # fmt: skip
 
-# On the M4F: what a function may take.
+# On the M4F: what a function may take. (1.6 KB of 1,024 bytes.)
 BUDGETS = {
-    "toa_refine_3d_8": {"flash": 1600, "stack": 300, "instructions": 2500},
+    "toa_refine_3d_8": {"flash": 1638, "stack": 300, "instructions": 2500},
     "toa_least_squares_3d_8": {"instructions": 2500},
     "ds_twr_range_asymmetric": {"instructions": 150},
     "kalman_update_6_3": {"instructions": 700},

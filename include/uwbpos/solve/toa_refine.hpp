@@ -40,10 +40,13 @@ Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
   Vec<S, D> place = initial - origin;
   Vec<S, D> step = Vec<S, D>::Zero();
   S allowed = std::numeric_limits<S>::max();
-  bool newton = true;
+  constexpr int kGauss = 0;  // J, as H was not positive here: no answer, which a saddle is not
+  constexpr int kLast = 1;   // J, after a short step of H
+  constexpr int kNewton = 2;
+  int kind = kNewton;
   for (int left = kMostRefinements; left > 0; --left) {
     const NormalEquations<S, D> normal = range_normal<S, D>(
-        ranges, origin, place, {}, newton ? Curvature::Full : Curvature::Information);
+        ranges, origin, place, {}, kind == kNewton ? Curvature::Full : Curvature::Information);
     const S nothing = kNothing * (normal.chi_squared + S(1)) + kRounding * square * normal.trace;
     if (!(normal.chi_squared <= allowed)) {
       step *= S(0.5);
@@ -59,9 +62,9 @@ Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
     });
     const Cofactors<S, D> of_matrix = cofactors<S, D>(matrix);
     if (!is_well_conditioned<S, S, D>(matrix, of_matrix)) {
-      if (!newton) return std::unexpected(Error::DegenerateGeometry);
+      if (kind != kNewton) return std::unexpected(Error::DegenerateGeometry);
       step.setZero();
-      newton = false;
+      kind = kGauss;
       continue;
     }
     const S inverse = S(1) / of_matrix.determinant;
@@ -82,7 +85,7 @@ Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
     unroll<D - 1>([&](auto k) __attribute__((always_inline)) {
       sigmas += std::sqrt(covariance[lower_index<D>(k + 1, k + 1)]);
     });
-    if (!newton && sigmas * sigmas * normal.trace < kMostDilution && gain <= nothing) {
+    if (kind == kLast && sigmas * sigmas * normal.trace < kMostDilution && gain <= nothing) {
       Fix<S, D> fix;
       fix.position = origin + place;
       unroll<D>([&](auto j) __attribute__((always_inline)) {
@@ -94,7 +97,7 @@ Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
       fix.degrees_of_freedom = static_cast<int>(ranges.size()) - D;
       return fix;
     }
-    newton = !newton || gain > kNear + nothing;
+    kind = kind != kNewton || gain > kNear + nothing ? kNewton : kLast;
   }
   return std::unexpected(Error::NotConverged);
 }
@@ -104,10 +107,11 @@ Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
 /// Position [m] from n ≥ D ranges, in the anchors' frame, at the minimum of χ² whose basin holds
 /// `initial` [m], with cov = J⁻¹. O(n·D²) a step, no allocation.
 /// Errors: those of `check_ranges`; Error::NotFinite for `initial`; Error::DegenerateGeometry where
-/// the ranges do not determine a position; Error::NotConverged after twenty, from a start too far
-/// off or to where position is diluted beyond what the scalar can tell, sixteen times by eight
-/// floats. What it leaves of a step is a thousandth of a standard deviation as a rule, and a few
-/// hundredths at worst.
+/// the ranges, seen from where the steps lead, do not determine a position; Error::NotConverged
+/// after twenty, from a start too far off or near no minimum, or where position is diluted beyond
+/// sixteen times by eight ranges of one sigma (√(2048/n); unequal sigmas count as dilution). What
+/// it leaves of a step is a thousandth of a standard deviation as a rule, and a few hundredths at
+/// worst.
 template <RangeSet R>
 [[nodiscard]] auto toa_refine(
     const R& ranges,
