@@ -68,6 +68,9 @@ void print(Put put, std::int64_t time, const Result<Pose2<float>>& seen,
   put('\n');
 }
 
+// No round goes on over a longer silence [µs].
+constexpr std::int64_t kPause = 50'000;
+
 }  // namespace
 
 const Settings& settings() {
@@ -98,8 +101,25 @@ int run(Radio& radio, const Settings& s, Put put) {
   write_text(put, kHeadline);
   int headings = 0;
   std::array<Round, 2> round;
+  std::int64_t newest = 0;
+  std::size_t turn = 0;  // after that of the newest exchange; zero: the round has none
+  const auto close = [&] {
+    const auto left = round[0].fix();
+    const auto right = round[1].fix();
+    Result<Pose2<float>> pose = std::unexpected(left ? Error::TooFewMeasurements : left.error());
+    if (left && right) pose = two_tag_pose(*left, *right, s.baseline);
+    headings += pose ? 1 : 0;
+    print(put, newest, pose, tracker.pose());
+    round = {};
+    turn = 0;
+  };
   while (const auto exchange = radio.next()) {
     if (exchange->tag > 1 || exchange->station >= kStations) continue;
+    // Stations take turns, one tag after the other; frames may be lost, the last ones too.
+    const std::size_t its_turn = exchange->tag * kStations + exchange->station;
+    if (turn > 0 && (its_turn < turn || exchange->time - newest > kPause)) close();
+    turn = its_turn + 1;
+    newest = exchange->time;
     const auto range = to_range(*exchange, s, *bias);
     if (range) {
       const float sigma = std::sqrt(range->variance);
@@ -114,16 +134,8 @@ int run(Radio& radio, const Settings& s, Put put) {
       static_cast<void>(tracker.update(
           TimedRange<float>{exchange->time, exchange->station, slant, sigma, exchange->tag}));
     }
-    const bool last = exchange->tag == 1 && exchange->station + 1 == kStations;
-    if (!last) continue;
-    const auto left = round[0].fix();
-    const auto right = round[1].fix();
-    Result<Pose2<float>> pose = std::unexpected(left ? Error::TooFewMeasurements : left.error());
-    if (left && right) pose = two_tag_pose(*left, *right, s.baseline);
-    headings += pose ? 1 : 0;
-    print(put, exchange->time, pose, tracker.pose());
-    round = {};
   }
+  if (turn > 0) close();
   return headings;
 }
 
