@@ -66,8 +66,13 @@ template <class S, class P, int D>
   const P variance = inverse_h * trace_of<P, D>(of_h.adjugate);
   const P change = normal.third_square * length;
   const P enough = kEnough * lesser(normal.chi_squared, P{} + S(1)) + normal.noise;
+  // The smallest variance, which may have drowned in the rounding of the others.
+  P smallest = covariance[0];
+  unroll<D - 1>([&](auto k) __attribute__((always_inline)) {
+    smallest = lesser(covariance[lower_index<D>(k + 1, k + 1)], smallest);
+  });
   const auto settled =
-      is_well_conditioned<S, P, D>(information, of_j) &
+      (smallest > P{}) & is_well_conditioned<S, P, D>(information, of_j) &
       is_well_conditioned<S, P, D>(hessian, of_h) &
       (variance * (S(0.5) * change + S(2) * normal.stray_square) * length <= enough) &
       (variance * variance * change <= kSameMatrix) & is_finite(chi_squared) &

@@ -19,6 +19,10 @@ template <class S, int D>
   const Ldlt<S, D> factor{information};
   if (!factor.positive_definite()) return std::unexpected(Error::DegenerateGeometry);
   Fix<S, D> fix{position, factor.inverse(), chi_squared, static_cast<int>(count) - D};
+  for (int k = 0; k < D; ++k) {
+    // A variance that drowned in the rounding of the others.
+    if (fix.covariance(k, k) < S(0)) return std::unexpected(Error::DegenerateGeometry);
+  }
   if (!all_finite(fix.position) || !all_finite(fix.covariance) || !std::isfinite(fix.chi_squared)) {
     return std::unexpected(Error::NumericOverflow);
   }
