@@ -46,18 +46,12 @@ std::vector<Piece> shares(const std::vector<Case>& all, const Fix& fix,
   return result;
 }
 
-template <class View>
-uwbpos::Numbers<double, 3> first_of(const View& view) {
-  const auto& anchor = view[0].anchor;
-  return {{anchor[0], anchor[1], anchor[2]}};
-}
-
 inline std::vector<Piece> range_pieces() {
   using namespace uwbpos;
   const std::vector<Case> all = cases(512);
   const auto squares = [](const Case& c, std::size_t) {
     const RangeSpan<double, 3> view{c.toa};
-    return range_squares<double, 3, double>(view, first_of(view));
+    return range_squares<double, 3, double>(view, first_anchor<double, 3>(view));
   };
   std::vector<Vec<double, 3>> starts;
   for (const Case& c : all) {
@@ -84,7 +78,7 @@ inline std::vector<Piece> difference_pieces() {
   };
   const auto squares = [&](const Case& c, std::size_t) {
     const auto view = view_of(c);
-    return square_minimum<double, 3, double>(view, first_of(view), 0.0);
+    return square_minimum<double, 3, double>(view, first_anchor<double, 3>(view), 0.0);
   };
   std::vector<Numbers<double, 4>> starts;
   for (const Case& c : all) starts.push_back(squares(c, 0).minimum);
@@ -96,8 +90,8 @@ inline std::vector<Piece> difference_pieces() {
       std::pair{"a starting point", squares},
       std::pair{"one evaluation of J, H and the gradient", [&](const Case& c, std::size_t i) {
                   const auto view = view_of(c);
-                  return direct_profile<double, 3, Curvature::Full, double>(view, first_of(view),
-                                                                            0.0, starts[i], 0.0);
+                  return direct_profile<double, 3, Curvature::Full, double>(
+                      view, first_anchor<double, 3>(view), 0.0, starts[i], 0.0);
                 }});
 }
 

@@ -81,5 +81,5 @@ void with_scalar_and_dimension(Bytes bytes, const Run& run) {
 
 }  // namespace uwbpos::fuzz
 
-/// The entry that libFuzzer calls, and that replay.cpp calls without it.
+/// The entry that libFuzzer calls.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);

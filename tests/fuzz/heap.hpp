@@ -2,27 +2,16 @@
 #pragma once
 
 /// @file
-/// A guard against the heap, for the one file that a fuzzer is. With AddressSanitizer its allocator
-/// tells of every call; without, operator new is replaced.
+/// A guard against the heap: AddressSanitizer, which fuzzers come with, tells of every call of its
+/// allocator.
 
 #include <cstddef>
-#include <cstdlib>
-#include <new>
+
+#include <sanitizer/allocator_interface.h>
 
 #include "uwbpos/core/eigen.hpp"
 
 #include "bytes.hpp"
-
-#if defined(__SANITIZE_ADDRESS__)
-#define UWBPOS_FUZZ_HOOKS
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define UWBPOS_FUZZ_HOOKS
-#endif
-#endif
-#ifdef UWBPOS_FUZZ_HOOKS
-#include <sanitizer/allocator_interface.h>
-#endif
 
 namespace uwbpos::fuzz {
 
@@ -49,24 +38,7 @@ class NoHeap {
   static inline bool asked_ = false;
 };
 
-#ifdef UWBPOS_FUZZ_HOOKS
 inline const int kHooks = __sanitizer_install_malloc_and_free_hooks(
     [](const volatile void*, std::size_t) { NoHeap::asked(); }, [](const volatile void*) {});
-#else
-inline void* memory_of(std::size_t size) {
-  NoHeap::asked();
-  if (void* memory = std::malloc(size > 0 ? size : 1)) return memory;
-  std::abort();
-}
-#endif
 
 }  // namespace uwbpos::fuzz
-
-#ifndef UWBPOS_FUZZ_HOOKS
-void* operator new(std::size_t size) { return uwbpos::fuzz::memory_of(size); }
-void* operator new[](std::size_t size) { return uwbpos::fuzz::memory_of(size); }
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete[](void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
-void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }
-#endif

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "uwbpos/core/cofactors.hpp"
+#include "uwbpos/solve/direct_step.hpp"
 #include "uwbpos/solve/range_normal.hpp"
 
 namespace uwbpos {
@@ -86,16 +87,10 @@ Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
       sigmas += std::sqrt(covariance[lower_index<D>(k + 1, k + 1)]);
     });
     if (kind == kLast && sigmas * sigmas * normal.trace < kMostDilution && gain <= nothing) {
-      Fix<S, D> fix;
-      fix.position = origin + place;
-      unroll<D>([&](auto j) __attribute__((always_inline)) {
-        unroll<D>([&](auto i) __attribute__((always_inline)) {
-          fix.covariance(int(i), int(j)) = covariance[lower_of<D>(i, j)];
-        });
-      });
-      fix.chi_squared = normal.chi_squared;
-      fix.degrees_of_freedom = static_cast<int>(ranges.size()) - D;
-      return fix;
+      Numbers<S, D> from_first;
+      unroll<D>([&](auto k) __attribute__((always_inline)) { from_first[k] = place[int(k)]; });
+      return direct_fix<S, D>(origin, from_first, covariance, normal.chi_squared,
+                              static_cast<int>(ranges.size()) - D);
     }
     kind = kind != kNewton || gain > kNear + nothing ? kNewton : kLast;
   }
