@@ -206,6 +206,12 @@ TEST_CASE_TEMPLATE("hard use: repeats of every kind are known", S, float, double
   told_once(robot, TimedPosition<S>{t, {S(6), S(5), S(0)}, covariance});
   told_once(robot, TimedVelocity<S>{t, {S(0.1), S(0), S(0)}});
   told_once(robot, ImuSample<S>{t, Vec<S, 3>::Zero(), {S(0), S(0), S(9.8)}});
+  // What the plane does not read may be anything.
+  constexpr S nan = std::numeric_limits<S>::quiet_NaN();
+  Mat<S, 3> flat = covariance;
+  flat(0, 1) = flat(2, 2) = nan;
+  told_once(robot, TimedPosition<S>{t, {S(6), S(5.01), nan}, flat});
+  told_once(robot, TimedVelocity<S>{t, {S(0.1), S(0.01), nan}});
   // Equal numbers of another kind are no repeat.
   told_once(robot, TimedSpeed<S>{t, S(0.01), S(0.02)});
   told_once(robot, TimedTurnRate<S>{t, S(0.01), S(0.03)});
@@ -216,6 +222,29 @@ TEST_CASE_TEMPLATE("hard use: repeats of every kind are known", S, float, double
   told_once(tracker, TimedHeight<S>{now, static_cast<S>(place[2])});
   const double difference = test::hall_range(1, place) - test::hall_range(0, place);
   told_once(tracker, TimedDifference<S>{now, 0, 1, static_cast<S>(difference)});
+}
+
+TEST_CASE_TEMPLATE("hard use: repeats of what a track began with are known until its window is full",
+                   S, float, double) {
+  Point<S> tracker = point<S>();
+  const Vec<double, 3> place = place_at(0);
+  const auto at_once = [&](std::uint32_t id) {
+    return TimedRange<S>{0, id, static_cast<S>(test::hall_range(id, place)), S(kSigma)};
+  };
+  std::uint32_t begun = 0;
+  while (!tracker.tracking()) {
+    REQUIRE(begun < test::kHallAnchors);
+    REQUIRE(tracker.update(at_once(begun++)));
+  }
+  for (int i = 1; i < 400; ++i) {
+    static_cast<void>(tracker.update(TimedHeight<S>{i * 1'000, static_cast<S>(place[2])}));
+    for (std::uint32_t id = 0; id < begun; ++id) {
+      const Error error = error_of(tracker, at_once(id));
+      CHECK((error == Error::TimeNotIncreasing || error == Error::TooOld ||
+             error == Error::ClockJump || error == Error::NotYetLocated));
+      if (!tracker.tracking()) return;
+    }
+  }
 }
 
 TEST_CASE_TEMPLATE("hard use: packets replayed before the first fix do not make one", S, float,

@@ -433,9 +433,7 @@ class Feeder {
     // One that came late may have been dropped by now; with a track, it is then too old.
     if (!tracked) return;
     const bool late = time_of(message) < watched_.tracker().track().time;
-    // Of late ones some are taken again, once their window is full.
-    if (late) return;
-    require(!again && again.error() == Error::TimeNotIncreasing, "a repeat is known");
+    require(!again && (late || again.error() == Error::TimeNotIncreasing), "a repeat is known");
   }
 
   [[nodiscard]] Vec<double, 3> anchor(std::uint32_t id) const {

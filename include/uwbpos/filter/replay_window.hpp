@@ -60,8 +60,9 @@ class ReplayWindow {
     return std::any_of(events_.end() - std::min(done_, Capacity - size_), events_.end(),
                        [&](const Event& e) { return is_repeat(event, e); });
   }
-  /// Whether events were dropped since the last `restart`.
-  [[nodiscard]] bool forgot() const { return forgot_; }
+  /// Whether events were dropped since the last `restart`, or some of those that `holds` knew from
+  /// before it.
+  [[nodiscard]] bool forgot() const { return forgot_ || done_ > Capacity - size_; }
 
   /// Drops the oldest stride if there is no room for another event.
   void make_room() {

@@ -107,14 +107,20 @@ class Tracker {
     if (!factored) return refuse(factored.error());
     const S thinnest = std::sqrt(factored->diagonal().minCoeff());
     if (const auto error = check_sigma(thinnest)) return refuse(*error);
-    return push({m.time, m});
+    TimedPosition<S> read{m.time, Vec<S, 3>::Zero(), Mat<S, 3>::Zero()};
+    read.position.template head<kDimension>() = part;
+    read.covariance.template topLeftCorner<kDimension, kDimension>() =
+        covariance.template selfadjointView<Eigen::Lower>();
+    return push({m.time, read});
   }
   /// A velocity.
   [[nodiscard]] Told update(const TimedVelocity<S>& m) {
     const Vec<S, kDimension> part = m.velocity.template head<kDimension>();
     if (!all_finite(part)) return refuse(Error::NotFinite);
     if (const auto error = check_sigma(m.sigma)) return refuse(*error);
-    return push({m.time, m});
+    TimedVelocity<S> read{m.time, Vec<S, 3>::Zero(), m.sigma};
+    read.velocity.template head<kDimension>() = part;
+    return push({m.time, read});
   }
 
   /// Moves "now", for which `pose` answers, on to `time` [µs]; measurements may still come from
