@@ -215,18 +215,24 @@ class Follow {
     const double t = plan_.start + 1e-6 * static_cast<double>(m.time);
     watch_.measured(t, m.tag, verdict);
     if (!verdict.met_track) return;
-    if (verdict.used) {
+    // A difference is of b; if only a is not believed, the rest of it was of use.
+    const bool of_use = verdict.used && verdict.disbelieved != m.anchor_b;
+    if (of_use) {
       ++f.used;
       f.innovations.push_back({t, verdict.used->normalised_square});
-    } else if (verdict.refused) {
-      ++f.refused[std::string{reason_name(*verdict.refused)}];
-      f.refusals.push_back({t, m.anchor_b, *verdict.refused});
+    } else if (verdict.used || verdict.refused) {
+      const Error reason = verdict.refused.value_or(Error::OutlierRejected);
+      ++f.refused[std::string{reason_name(reason)}];
+      f.refusals.push_back({t, m.anchor_b, reason});
     }
     // A row told twice says nothing of its anchor.
     if (verdict.refused == Error::TimeNotIncreasing) return;
     if (verdict.used || verdict.refused) {
-      tally(m.anchor_b, verdict.used.has_value());
-      if (m.is_difference) tally(m.anchor_a, verdict.used.has_value());
+      const auto tally_one = [&](Id anchor) {
+        tally(anchor, verdict.used && verdict.disbelieved != anchor);
+      };
+      tally_one(m.anchor_b);
+      if (m.is_difference) tally_one(m.anchor_a);
     }
     if (!replay_.residuals_to_truth) note_residual(t, m);
   }

@@ -2,6 +2,7 @@
 #include <array>
 #include <cmath>
 #include <deque>
+#include <numbers>
 #include <string>
 #include <type_traits>
 #include <utility>
@@ -72,14 +73,19 @@ class Follower final : public Hypothesis {
   Verdict take(const TimedMeasurement& m) override {
     Verdict verdict;
     verdict.met_track = tracker_->tracking();
-    if (ignored.contains(m.anchor_b) || (m.is_difference && ignored.contains(m.anchor_a))) {
-      verdict.refused = Error::OutlierRejected;
-      return verdict;
-    }
+    const std::optional<Id> unheard = ignored_anchor(m);
+    if (unheard || (liar && names(m, *liar))) verdict.disbelieved = unheard ? unheard : liar;
+    std::optional<TimedMeasurement> told_of{m};
     // One that may lie by anything tells nothing of where to begin.
-    if (liar && !verdict.met_track && (m.anchor_b == *liar || m.anchor_a == *liar)) return verdict;
-    if (keeps_early() && !verdict.met_track) early_.push_back({m.time, m});
-    const auto told = feed(m, verdict.met_track ? now() : std::nullopt);
+    if (unheard || (verdict.disbelieved && !verdict.met_track)) {
+      told_of = without(m, *verdict.disbelieved);
+      if (!told_of || ignored_anchor(*told_of)) {
+        if (unheard) verdict.refused = Error::OutlierRejected;
+        return verdict;
+      }
+    }
+    if (keeps_early() && !verdict.met_track) early_.push_back({m.time, *told_of});
+    const auto told = feed(*told_of, verdict.met_track ? now() : std::nullopt);
     if (!told) {
       verdict.refused = told.error();
     } else {
@@ -150,6 +156,42 @@ class Follower final : public Hypothesis {
     std::int64_t time;
     std::variant<TimedMeasurement, InertialReading> what;
   };
+
+  static bool names(const TimedMeasurement& m, Id anchor) {
+    return m.anchor_b == anchor || (m.is_difference && m.anchor_a == anchor);
+  }
+
+  [[nodiscard]] std::optional<Id> ignored_anchor(const TimedMeasurement& m) const {
+    if (ignored.contains(m.anchor_b)) return m.anchor_b;
+    if (m.is_difference && ignored.contains(m.anchor_a)) return m.anchor_a;
+    return std::nullopt;
+  }
+
+  // What is left of two differences of one time to an anchor that is not believed: that of their
+  // other anchors, (d_b - d_x) - (d_a - d_x). Nothing for the first of them, and for a range.
+  std::optional<TimedMeasurement> without(const TimedMeasurement& m, Id anchor) {
+    if (!m.is_difference) return std::nullopt;
+    TimedMeasurement from = m;  // from `anchor`
+    if (m.anchor_b == anchor) {
+      std::swap(from.anchor_a, from.anchor_b);
+      from.value = -m.value;
+    }
+    const auto same = [&](const TimedMeasurement& other) {
+      return other.anchor_a == anchor && other.time == m.time && other.tag == m.tag &&
+             other.anchor_b != from.anchor_b;
+    };
+    if (!half_ || !same(*half_)) {
+      half_ = from;
+      return std::nullopt;
+    }
+    TimedMeasurement rest = from;
+    rest.anchor_a = half_->anchor_b;
+    rest.value = from.value - half_->value;
+    rest.sigma = std::hypot(from.sigma, half_->sigma);
+    if (m.shared) rest.sigma /= std::numbers::sqrt2;  // the arrival that both share goes
+    rest.shared = true;                               // with others of its time, that of `half_`
+    return rest;
+  }
 
   [[nodiscard]] bool keeps_early() const { return bank_.network && Motion::kHasHeading; }
 
@@ -234,6 +276,7 @@ class Follower final : public Hypothesis {
   RadioNoise noise_;
   std::unique_ptr<Following> tracker_;
   std::deque<Early> early_;
+  std::optional<TimedMeasurement> half_;  // of `without`: the first of its time
 };
 
 template <class Motion>

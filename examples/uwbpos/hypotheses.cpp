@@ -225,12 +225,6 @@ Verdict HypothesisBank::take(const TimedMeasurement& m) {
   });
   last_ = std::max(last_, m.time);
   remember({m.time, m});
-  // Used, but not as it stands.
-  if (judge != nullptr && judge->liar && told.used &&
-      (m.anchor_b == *judge->liar || m.anchor_a == *judge->liar)) {
-    told.used.reset();
-    told.refused = Error::OutlierRejected;
-  }
   choose();
   judge_anchors(m.time);
   rest(m.time);

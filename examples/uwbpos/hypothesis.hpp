@@ -47,6 +47,8 @@ struct Verdict {
   bool met_track = false;  ///< there was one to judge it by
   std::optional<Innovation<double>> used = std::nullopt;
   std::optional<Error> refused = std::nullopt;
+  /// The anchor of it that is not believed as it stands; what was used is the rest.
+  std::optional<Id> disbelieved = std::nullopt;
   bool began = false;     ///< a track began
   bool reopened = false;  ///< the gate had locked the filter out
 };

@@ -166,6 +166,18 @@ TEST_CASE_TEMPLATE("covariance: known exactly stays so, without noise", S, float
   CHECK(exact.matrix() == Mat<S, 3>::Zero());
 }
 
+TEST_CASE_TEMPLATE("covariance: a variance too small to divide by is none", S, float, double) {
+  constexpr S tiny = S(256) * std::numeric_limits<S>::denorm_min();
+  const Mat<S, 2> identity = Mat<S, 2>::Identity();
+  FactoredCovariance<S, 2> covariance;
+  covariance.predict(identity, identity, Vec<S, 2>{tiny, S(1)});
+  Mat<S, 2> f = identity;
+  f(1, 0) = S(0.5);
+  covariance.predict(f, identity, Vec<S, 2>{S(0), S(0)});
+  CHECK(covariance.matrix().allFinite());
+  CHECK(covariance.matrix()(1, 1) == S(1));
+}
+
 TEST_CASE_TEMPLATE("covariance: what is none is refused", S, float, double) {
   Mat<S, 2> p;
   p << S(1), S(2), S(2), S(1);

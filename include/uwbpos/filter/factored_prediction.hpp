@@ -17,6 +17,7 @@
 ///       L_{ij} + v_i\,c\,v_j/d_j',\quad c \leftarrow c\,d_j/d_j' \f$.
 
 #include <algorithm>
+#include <limits>
 
 #include "uwbpos/core/types.hpp"
 
@@ -35,8 +36,10 @@ void orthogonalise(Mat<S, N>& l, Vec<S, N>& d, Eigen::Matrix<S, Width, N>& w,
       weighted[k] = weight[k] * w(k, j);
       square += weighted[k] * w(k, j);
     }
-    d[j] = square;
-    const S inverse = square > S(0) ? S(1) / square : S(0);
+    // What is too little to divide by is none.
+    const bool any = square >= std::numeric_limits<S>::min();
+    d[j] = any ? square : S(0);
+    const S inverse = any ? S(1) / square : S(0);
     for (int i = j + 1; i < size; ++i) {
       S product = S(0);
       for (int k = 0; k < Width; ++k) product += weighted[k] * w(k, i);
