@@ -81,8 +81,10 @@ std::vector<AnchorQuality> anchor_qualities(const Replay& replay) {
 std::vector<std::string> diagnose(const Replay& replay,
                                   const std::vector<AnchorQuality>& worst_first) {
   std::vector<std::string> said;
+  std::vector<Id> guilty;
   if (replay.filtering) {
-    for (const Id anchor : guilty_anchors(*replay.filtering)) {
+    guilty = guilty_anchors(*replay.filtering);
+    for (const Id anchor : guilty) {
       const AnchorTally& tally = replay.filtering->of_anchor.at(anchor);
       const auto quality = std::ranges::find(worst_first, anchor, &AnchorQuality::anchor);
       said.push_back(fmt::format(
@@ -115,7 +117,7 @@ std::vector<std::string> diagnose(const Replay& replay,
         fmt::format("Anchor {} is the worst: its {} are off by {:.3f} m rms {}, a "
                     "typical anchor's by {:.3f} m.",
                     worst.anchor, what, worst.rms, against, typical));
-  } else {
+  } else if (guilty.empty()) {
     said.push_back(
         fmt::format("No anchor stands out: {} of the worst, anchor {}, are off by "
                     "{:.3f} m rms {}, a typical anchor's by {:.3f} m.",
@@ -123,7 +125,8 @@ std::vector<std::string> diagnose(const Replay& replay,
   }
   const bool calibration_helps =
       replay.residuals_to_truth && std::abs(worst.bias) > std::max(worst.spread, 0.01);
-  if (stands_out || calibration_helps) said.push_back(cause(worst, replay));
+  // What a control anchor does, all differences show.
+  if (stands_out || (calibration_helps && guilty.empty())) said.push_back(cause(worst, replay));
 
   // A control anchor takes part in all differences: no measure for the others.
   std::vector<std::size_t> heard;

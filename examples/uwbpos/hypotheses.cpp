@@ -349,11 +349,12 @@ bool HypothesisBank::disputed(std::int64_t time) {
   constexpr double apart = 0.5;  // [m]
   constexpr double sigmas = 2.5;
   constexpr double decided = 30;  // in score
-  if (time - begun_ > longest) return false;
+  const std::size_t anchors = options_.anchors.size();
+  if (time - begun_ > longest && met_ >= 2 * anchors) return false;
   // One that does without an anchor may need a few more measurements to begin.
-  if (options_.motion != BodyMotion::kPlanarBody && time - begun_ < kSecond / 2 &&
-      options_.anchors.size() <= kMostSuspects &&
-      ((time - begun_ < kSecond / 8 && met_ < 2 * options_.anchors.size()) ||
+  if (options_.motion != BodyMotion::kPlanarBody &&
+      (time - begun_ < kSecond / 2 || met_ < anchors) && anchors <= kMostSuspects &&
+      ((time - begun_ < kSecond / 8 && met_ < 2 * anchors) ||
        std::ranges::any_of(
            all_, [](const auto& h) { return h->suspicious && !h->asleep && !h->tracking(); }))) {
     return true;

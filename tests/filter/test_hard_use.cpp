@@ -224,8 +224,9 @@ TEST_CASE_TEMPLATE("hard use: repeats of every kind are known", S, float, double
   told_once(tracker, TimedDifference<S>{now, 0, 1, static_cast<S>(difference)});
 }
 
-TEST_CASE_TEMPLATE("hard use: repeats of what a track began with are known until its window is full",
-                   S, float, double) {
+TEST_CASE_TEMPLATE(
+    "hard use: repeats of what a track began with are known until its window is full", S, float,
+    double) {
   Point<S> tracker = point<S>();
   const Vec<double, 3> place = place_at(0);
   const auto at_once = [&](std::uint32_t id) {
@@ -446,6 +447,36 @@ TEST_CASE_TEMPLATE("hard use: two anchors start no track", S, float, double) {
   }
   CHECK_FALSE(tracker.tracking());
   CHECK(tracker.pose().error() == Error::NotYetLocated);
+}
+
+TEST_CASE_TEMPLATE("hard use: a body that nothing tells the heading of says so", S, float, double) {
+  TrackerOptions<Inertial<S>> options;
+  Tracker<Inertial<S>> tracker{options};
+  test::hang_anchors(tracker);
+  CHECK(tracker.pose().error() == Error::NotYetLocated);
+  for (const auto& range : ranges_of_course<S>(0, 2)) static_cast<void>(tracker.update(range));
+  CHECK(tracker.pose().error() == Error::HeadingUndetermined);
+  CHECK(tracker.predict_to(3'000'000).error() == Error::HeadingUndetermined);
+  REQUIRE(tracker.update(TimedHeading<S>{1'990'000, S(0.3)}));
+  for (const auto& range : ranges_of_course<S>(2, 2.5)) static_cast<void>(tracker.update(range));
+  CHECK(tracker.pose().has_value());
+}
+
+TEST_CASE_TEMPLATE("hard use: exact ranges with tiny sigmas start a track as others do", S, float,
+                   double) {
+  for (const double small : {1e-4, 1e-5, 1e-6, 1e-7, 1.001e-9}) {
+    CAPTURE(small);
+    Point<S> tracker = point<S>();
+    const Vec<double, 3> place = place_at(0);
+    for (int i = 0; i < 40; ++i) {
+      const auto id = static_cast<std::uint32_t>(i) % test::kHallAnchors;
+      static_cast<void>(tracker.update(TimedRange<S>{i * test::kSlot, id,
+                                                     static_cast<S>(test::hall_range(id, place)),
+                                                     static_cast<S>(small)}));
+      CHECK(tracker.tracking() == (i >= 6));
+    }
+    CHECK(error_at(tracker, place) < 1e-3);
+  }
 }
 
 TEST_CASE_TEMPLATE("hard use: sigmas huge and tiny leave a sound track or a name", S, float,

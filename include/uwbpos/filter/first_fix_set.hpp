@@ -5,9 +5,12 @@
 /// @file
 /// The measurements that a track begins with: of each link the last one, no older than a window.
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 
@@ -91,9 +94,16 @@ template <class S>
     }
   }
   if (samples > S(0)) set.specific_force /= samples;
+  // Weights farther apart than rounding bears would leave of several readings one direction.
+  S most = S(0);
+  for (int k = 0; k < set.count; ++k) {
+    most = std::max(most, set.readings[static_cast<std::size_t>(k)].variance);
+  }
+  const S least = most * std::sqrt(std::numeric_limits<S>::epsilon()) / S(4);
   const Quaternion<S> level = quaternion_between<S>(set.specific_force, {S(0), S(0), S(1)});
   for (int k = 0; k < set.count; ++k) {
     FirstReading<S>& reading = set.readings[static_cast<std::size_t>(k)];
+    reading.variance = std::max(reading.variance, least);
     reading.lever = rotate<S>(level, reading.lever);
     set.has_levers = set.has_levers || reading.lever != set.readings[0].lever;
   }

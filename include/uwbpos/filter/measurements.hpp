@@ -10,7 +10,10 @@
 #include <cstdint>
 #include <optional>
 
+#include "uwbpos/core/linalg.hpp"
+#include "uwbpos/core/result.hpp"
 #include "uwbpos/core/types.hpp"
+#include "uwbpos/filter/factored_covariance.hpp"
 #include "uwbpos/model/range_set.hpp"
 
 namespace uwbpos {
@@ -125,6 +128,36 @@ template <class S>
 [[nodiscard]] std::optional<Error> check_measured(S value, S sigma) {
   if (!std::isfinite(value)) return Error::NotFinite;
   return check_sigma(sigma);
+}
+
+/// What D dimensions read of a position, the rest zero. O(D³). Errors: NotFinite;
+/// InvalidCovariance; those of `check_sigma`, of the direction that is known best.
+template <int D, class S>
+[[nodiscard]] Result<TimedPosition<S>> checked(const TimedPosition<S>& m) {
+  const Vec<S, D> part = m.position.template head<D>();
+  const Mat<S, D> covariance = m.covariance.template topLeftCorner<D, D>();
+  if (!all_finite(part)) return std::unexpected(Error::NotFinite);
+  const auto factored = FactoredCovariance<S, D>::from_matrix(covariance);
+  if (!factored) return std::unexpected(factored.error());
+  const S thinnest = std::sqrt(factored->diagonal().minCoeff());
+  if (const auto error = check_sigma(thinnest)) return std::unexpected(*error);
+  TimedPosition<S> read{m.time, Vec<S, 3>::Zero(), Mat<S, 3>::Zero()};
+  read.position.template head<D>() = part;
+  read.covariance.template topLeftCorner<D, D>() =
+      covariance.template selfadjointView<Eigen::Lower>();
+  return read;
+}
+
+/// What D dimensions read of a velocity, the rest zero. O(D). Errors: NotFinite; those of
+/// `check_sigma`.
+template <int D, class S>
+[[nodiscard]] Result<TimedVelocity<S>> checked(const TimedVelocity<S>& m) {
+  const Vec<S, D> part = m.velocity.template head<D>();
+  if (!all_finite(part)) return std::unexpected(Error::NotFinite);
+  if (const auto error = check_sigma(m.sigma)) return std::unexpected(*error);
+  TimedVelocity<S> read{m.time, Vec<S, 3>::Zero(), m.sigma};
+  read.velocity.template head<D>() = part;
+  return read;
 }
 
 }  // namespace uwbpos

@@ -52,16 +52,16 @@ class TrackKeeper {
 
   /// As `Tracker::predict_to`.
   [[nodiscard]] Result<void> predict_to(std::int64_t time) {
-    if (!tracking_) return std::unexpected(Error::NotYetLocated);
+    if (!tracking_) return std::unexpected(missing_);
     if (time < head_.time) return std::unexpected(Error::TimeNotIncreasing);
     if (beyond_gap(head_.used_at, time)) return std::unexpected(Error::TrackLost);
     now_ = time;
     return {};
   }
 
-  /// The track at the last event, or at `predict_to` if later. Errors: NotYetLocated, TrackLost.
+  /// The track at the last event, or at `predict_to` if later. Errors: those of `Tracker::pose`.
   [[nodiscard]] Result<Track> now() const {
-    if (!tracking_) return std::unexpected(Error::NotYetLocated);
+    if (!tracking_) return std::unexpected(missing_);
     if (beyond_gap(head_.used_at, std::max(now_, head_.time))) {
       return std::unexpected(Error::TrackLost);
     }
@@ -122,13 +122,10 @@ class TrackKeeper {
     if (place < last) {
       i = window_.snap_before(place);
       head_ = window_.snapshot(i);
-    } else if (window_.snaps(place)) {
-      window_.snapshot(place) = head_;
     }
-    const int from = i;
     Result<Innovation<S>> told = std::unexpected(Error::NotYetLocated);
     for (; i <= last; ++i) {
-      if (i > from && window_.snaps(i)) window_.snapshot(i) = head_;
+      if (window_.snaps(i)) window_.snapshot(i) = head_;
       const Result<Innovation<S>> result =
           apply(head_, options_.model, window_[i], window_.first(i));
       window_[i].used = result.has_value();
@@ -191,11 +188,15 @@ class TrackKeeper {
                                      options_.max_gap);
       }
     }
-    if (Motion::kHasHeading && !heading) return false;
+    if (Motion::kHasHeading && !heading) {
+      missing_ = Error::HeadingUndetermined;
+      return false;
+    }
     head_ = begun_track<Motion, Size.biases>(options_, fix, heading.value_or(Measured<S>{}), set,
                                              window_.events());
     now_ = tracking_ ? std::max(now_, time) : time;
     tracking_ = true;
+    missing_ = Error::NotYetLocated;
     pace_.restart();
     window_.restart();
     watch_.reset(time);
@@ -212,6 +213,7 @@ class TrackKeeper {
   std::int64_t now_ = std::numeric_limits<std::int64_t>::min();
   std::int64_t stray_time_ = 0;
   int strays_ = 0;
+  Error missing_ = Error::NotYetLocated;  // what there is no track for
   bool tracking_ = false;
 };
 

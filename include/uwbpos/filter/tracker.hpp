@@ -99,37 +99,23 @@ class Tracker {
   }
   /// A position.
   [[nodiscard]] Told update(const TimedPosition<S>& m) {
-    const Vec<S, kDimension> part = m.position.template head<kDimension>();
-    const Mat<S, kDimension> covariance =
-        m.covariance.template topLeftCorner<kDimension, kDimension>();
-    if (!all_finite(part)) return refuse(Error::NotFinite);
-    const auto factored = FactoredCovariance<S, kDimension>::from_matrix(covariance);
-    if (!factored) return refuse(factored.error());
-    const S thinnest = std::sqrt(factored->diagonal().minCoeff());
-    if (const auto error = check_sigma(thinnest)) return refuse(*error);
-    TimedPosition<S> read{m.time, Vec<S, 3>::Zero(), Mat<S, 3>::Zero()};
-    read.position.template head<kDimension>() = part;
-    read.covariance.template topLeftCorner<kDimension, kDimension>() =
-        covariance.template selfadjointView<Eigen::Lower>();
-    return push({m.time, read});
+    const auto read = checked<kDimension>(m);
+    return read ? push({m.time, *read}) : refuse(read.error());
   }
   /// A velocity.
   [[nodiscard]] Told update(const TimedVelocity<S>& m) {
-    const Vec<S, kDimension> part = m.velocity.template head<kDimension>();
-    if (!all_finite(part)) return refuse(Error::NotFinite);
-    if (const auto error = check_sigma(m.sigma)) return refuse(*error);
-    TimedVelocity<S> read{m.time, Vec<S, 3>::Zero(), m.sigma};
-    read.velocity.template head<kDimension>() = part;
-    return push({m.time, read});
+    const auto read = checked<kDimension>(m);
+    return read ? push({m.time, *read}) : refuse(read.error());
   }
 
   /// Moves "now", for which `pose` answers, on to `time` [µs]; measurements may still come from
-  /// before it. O(1). Errors: NotYetLocated; TimeNotIncreasing, before the last measurement;
+  /// before it. O(1). Errors: those of `pose`; TimeNotIncreasing, before the last measurement;
   /// TrackLost, more than `max_gap` after the last that was used.
   [[nodiscard]] Result<void> predict_to(std::int64_t time) { return keeper_.predict_to(time); }
 
   /// The pose at the last measurement, or at `predict_to` if later. O(N³) each tenth of a second
-  /// between. Errors: NotYetLocated; TrackLost.
+  /// between. Errors: NotYetLocated; HeadingUndetermined, a place but no heading to begin with
+  /// (`TrackerOptions::heading`); TrackLost.
   [[nodiscard]] Result<Pose> pose() const {
     const Result<Track> at = keeper_.now();
     if (!at) return std::unexpected(at.error());
