@@ -32,22 +32,21 @@ void close(Placed& closed, Epoch& open, std::size_t first) {
 EpochRule epoch_rule(const std::vector<Reading>& readings, std::optional<double> window) {
   if (window) return {*window, std::numeric_limits<double>::infinity()};
   std::map<std::pair<Id, Id>, double> last;
-  std::map<Id, std::pair<double, Id>> last_of_tag;  // when, and of which anchor
+  std::map<Id, double> last_of_tag;
   std::vector<double> gaps;
   std::size_t with_neighbour = 0;
+  std::size_t counted = 0;
   for (const Reading& reading : readings) {
-    const std::pair<double, Id> at{reading.t, reading.anchor};
-    const auto [tag, first_of_tag] = last_of_tag.try_emplace(reading.tag, at);
-    // A row that is there twice is no neighbour of itself.
-    if (!first_of_tag && reading.t == tag->second.first && reading.anchor != tag->second.second) {
-      ++with_neighbour;
-    }
-    tag->second = at;
     const auto [link, fresh] = last.try_emplace({reading.tag, reading.anchor}, reading.t);
+    if (!fresh && reading.t == link->second) continue;  // a row that is there twice counts once
     if (!fresh && reading.t > link->second) gaps.push_back(reading.t - link->second);
     link->second = reading.t;
+    ++counted;
+    const auto [tag, first_of_tag] = last_of_tag.try_emplace(reading.tag, reading.t);
+    if (!first_of_tag && reading.t == tag->second) ++with_neighbour;
+    tag->second = reading.t;
   }
-  if (2 * with_neighbour >= readings.size()) return {0, 0};
+  if (2 * with_neighbour >= counted) return {0, 0};
   if (gaps.empty()) return {kFallbackWindow, kFallbackWindow};
   const double period = quantile(std::move(gaps), 0.75);
   return {0.75 * period, 0.5 * period};

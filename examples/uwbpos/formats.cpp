@@ -12,8 +12,8 @@
 
 #include <fmt/format.h>
 
+#include "clock_resets.hpp"
 #include "failure.hpp"
-#include "statistics.hpp"
 
 namespace uwbpos::host {
 namespace {
@@ -54,70 +54,13 @@ double value_of(const Arrival& a) { return a.count; }
 double value_of(const InertialReading& i) { return i.accelerometer[0]; }
 
 template <class T>
-double usual_step(const std::vector<T>& rows) {
-  std::vector<double> steps;
-  for (std::size_t i = 1; i < rows.size(); ++i) {
-    if (rows[i].t > rows[i - 1].t) steps.push_back(rows[i].t - rows[i - 1].t);
-  }
-  return steps.empty() ? 0 : median(std::move(steps));
-}
-
-// A clock set back looks unlike rows out of order, which the next rows are not; unlike a log
-// whose tags or anchors stand one after the other, which are then others; unlike a log of two parts
-// in the wrong order, whose times do not meet; and unlike rows logged twice.
-template <class T>
-bool set_back_at(const std::vector<T>& rows, std::size_t start, std::size_t at, double newest) {
-  constexpr std::size_t looked_at = 32;
-  constexpr std::size_t fewest = 8;
-  const std::size_t end = std::min(rows.size(), at + looked_at);
-  if (end - at < fewest || at - start < fewest) return false;
-  for (std::size_t i = at; i < end; ++i) {
-    if (rows[i].t > newest - kReorderWindow) return false;
-  }
-  std::map<std::array<Id, 3>, std::map<double, double>> before;
-  double oldest = newest;
-  for (std::size_t i = start; i < at; ++i) {
-    before[link_of(rows[i])].emplace(rows[i].t, value_of(rows[i]));
-    oldest = std::min(oldest, rows[i].t);
-  }
-  std::size_t known = 0;
-  std::size_t twice = 0;
-  for (std::size_t i = at; i < end; ++i) {
-    const auto link = before.find(link_of(rows[i]));
-    if (link == before.end()) continue;
-    if (rows[i].t < link->second.rbegin()->first) ++known;
-    const auto same = link->second.find(rows[i].t);
-    if (same != link->second.end() && same->second == value_of(rows[i])) ++twice;
-  }
-  double last = rows[at].t;
-  for (std::size_t i = at; i < rows.size() && rows[i].t >= last - kReorderWindow; ++i) {
-    last = std::max(last, rows[i].t);
-  }
-  return 2 * known > end - at && 2 * twice < end - at && last > oldest;
-}
-
-template <class T>
 void mend_clock(Log<T>& log) {
-  double newest = -std::numeric_limits<double>::infinity();
-  std::size_t start = 0;
-  std::size_t looks = 16;  // in a log without any order there is nothing to find
-  for (std::size_t i = 0; i < log.rows.size() && looks > 0; ++i) {
-    const double t = log.rows[i].t;
-    const bool backwards = t < newest - kReorderWindow && log.rows[i - 1].t > t + kReorderWindow;
-    if (backwards) --looks;
-    if (backwards && set_back_at(log.rows, start, i, newest)) {
-      const double forth =
-          newest - t +
-          usual_step(std::vector<T>(log.rows.begin() + static_cast<std::ptrdiff_t>(start),
-                                    log.rows.begin() + static_cast<std::ptrdiff_t>(i)));
-      const std::span later{log.rows.begin() + static_cast<std::ptrdiff_t>(i), log.rows.end()};
-      const auto overflows = [&](const T& row) { return !std::isfinite(row.t + forth); };
-      if (std::ranges::any_of(later, overflows)) return;
-      for (T& row : later) row.t += forth;
-      log.counts.clock_resets.push_back({log.rows[i].t, forth});
-      start = i;
-    }
-    newest = std::max(newest, log.rows[i].t);
+  std::vector<Stamp> stamps;
+  stamps.reserve(log.rows.size());
+  for (const T& row : log.rows) stamps.push_back({row.t, link_of(row), value_of(row)});
+  for (const auto& [at, forth] : find_set_backs(std::move(stamps))) {
+    for (T& row : std::span{log.rows}.subspan(at)) row.t += forth;
+    log.counts.clock_resets.push_back({log.rows[at].t, forth});
   }
 }
 

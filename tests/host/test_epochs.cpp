@@ -87,6 +87,20 @@ TEST_CASE("The same link and time twice is a duplicate, dropped and counted") {
   CHECK(sizes(epochs) == std::vector<std::size_t>{3});
 }
 
+TEST_CASE("A log that holds every row twice has the epochs of one that holds it once") {
+  std::vector<Reading> once;
+  for (int i = 0; i < 40; ++i) {
+    once.push_back(reading(0.1 * i, 0, 1));
+    if (i % 3 != 0) once.push_back(reading(0.1 * i, 0, 2));
+  }
+  std::vector<Reading> twice;
+  for (const Reading& r : once) twice.insert(twice.end(), 2, r);
+  const EpochRule rule = epoch_rule(twice, {});
+  CHECK(rule.window == epoch_rule(once, {}).window);
+  CHECK(rule.window == 0);
+  CHECK(sizes(group_epochs(twice, rule)) == sizes(group_epochs(once, rule)));
+}
+
 TEST_CASE("No epoch has more readings than a solver takes") {
   std::vector<Reading> readings;
   for (int i = 0; i < 100; ++i) readings.push_back(reading(0.001 * i, 0, static_cast<Id>(i)));
