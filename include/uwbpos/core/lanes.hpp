@@ -72,7 +72,7 @@ template <class P>
   return __builtin_elementwise_sqrt(x);
 #else
   using S = std::remove_cvref_t<decltype(x[0])>;
-  constexpr bool kDouble = std::is_same_v<S, double>;
+  [[maybe_unused]] constexpr bool kDouble = std::is_same_v<S, double>;
 #if defined(__AVX__)
   if constexpr (kDouble && sizeof(P) == 32) return __builtin_ia32_sqrtpd256(x);
   if constexpr (!kDouble && sizeof(P) == 32) return __builtin_ia32_sqrtps256(x);

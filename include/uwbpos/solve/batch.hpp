@@ -112,7 +112,7 @@ Result<std::size_t> solve_range_batch(const RangeBatch<S, D>& batch,
 
 /// `toa_least_squares` of each epoch into `fixes`, one for each. Returns how many were solved
 /// several at a time. About a third of the single solver's time in float with AVX. No
-/// allocation; 1.5 to 3 KiB of stack. Errors of an epoch stand in its place; of the call:
+/// allocation; 2 to 5 KiB of stack. Errors of an epoch stand in its place; of the call:
 /// Error::InvalidOption, spans that do not fit one another, or more than `kMaxMeasurements`
 /// anchors.
 template <class S, int D>

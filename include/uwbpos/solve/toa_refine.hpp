@@ -102,11 +102,12 @@ Result<Fix<S, D>> toa_refine(RangeSpan<S, D> ranges, const Vec<S, D>& initial) {
 /// Position [m] from n ≥ D ranges, in the anchors' frame, at the minimum of χ² whose basin holds
 /// `initial` [m], with cov = J⁻¹. O(n·D²) a step, no allocation.
 /// Errors: those of `check_ranges`; Error::NotFinite for `initial`; Error::DegenerateGeometry where
-/// the ranges, seen from where the steps lead, do not determine a position; Error::NotConverged
-/// after twenty, from a start too far off or near no minimum, or where position is diluted beyond
-/// sixteen times by eight ranges of one sigma (√(2048/n); unequal sigmas count as dilution). What
-/// it leaves of a step is a thousandth of a standard deviation as a rule, and a few hundredths at
-/// worst.
+/// the ranges, seen from where the steps lead, do not determine a position (in the very plane of
+/// anchors on one ceiling they do not), in float also for sigmas below a micrometre;
+/// Error::NotConverged after twenty, from a start too far off or near no minimum, or where position
+/// is diluted beyond sixteen times by eight ranges of one sigma (√(2048/n); unequal sigmas count as
+/// dilution). What it leaves of a step is a thousandth of a standard deviation as a rule, and a few
+/// hundredths at worst.
 template <RangeSet R>
 [[nodiscard]] auto toa_refine(
     const R& ranges,
