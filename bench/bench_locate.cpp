@@ -16,6 +16,7 @@
 #include <uwbpos/solve/toa_chan.hpp>
 #include <uwbpos/solve/toa_linear.hpp>
 #include <uwbpos/solve/toa_refine.hpp>
+#include <uwbpos/solve/toa_three_anchors.hpp>
 
 #include "scenes.hpp"
 
@@ -136,6 +137,22 @@ BENCHMARK(closed_form<float, 2>)->Apply(by_anchors<3>);
 BENCHMARK(closed_form<double, 2>)->Apply(by_anchors<3>);
 BENCHMARK(closed_form<float, 3>)->Apply(by_anchors<3>);
 BENCHMARK(closed_form<double, 3>)->Apply(by_anchors<3>);
+
+// Three anchors by bare arithmetic.
+template <class S>
+void three_anchors(benchmark::State& state) {
+  struct Found {
+    Vec<S, 2> position;
+  };
+  solve_all(state, epochs<S, 2>(static_cast<int>(state.range(0))),
+            [](const auto& e) -> Result<Found> {
+              const auto found = toa_three_anchors<S>({e.ranges[0], e.ranges[1], e.ranges[2]});
+              if (!found) return std::unexpected(found.error());
+              return Found{*found};
+            });
+}
+BENCHMARK(three_anchors<float>)->ArgName("anchors")->Arg(3);
+BENCHMARK(three_anchors<double>)->ArgName("anchors")->Arg(3);
 
 // One range is 2 m too long; the bound is that of all of them, were they good. Tries each: the time
 // per anchor grows.

@@ -76,6 +76,10 @@ int main() {
     if (!images) return std::unexpected(images.error());
     return images->first;
   });
+  report("toa_three_anchors (the first)", tag, *range_bound, [&](auto& random) {
+    const auto all = arrivals(random);
+    return toa_three_anchors<double>({all[0], all[1], all[2]});
+  });
   report("toa_linear", tag, *range_bound,
          [&](auto& random) { return position_of_fix(toa_linear(arrivals(random))); });
   report("toa_chan", tag, *range_bound,

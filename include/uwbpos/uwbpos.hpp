@@ -127,6 +127,7 @@
 #include "uwbpos/solve/toa_linear.hpp"
 #include "uwbpos/solve/toa_refine.hpp"
 #include "uwbpos/solve/toa_roots.hpp"
+#include "uwbpos/solve/toa_three_anchors.hpp"
 #include "uwbpos/solve/ultrasonic_shot.hpp"
 #include "uwbpos/solve/weak_line.hpp"
 #include "uwbpos/time/clock.hpp"

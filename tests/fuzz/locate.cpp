@@ -19,6 +19,7 @@
 #include "uwbpos/solve/toa_least_squares.hpp"
 #include "uwbpos/solve/toa_linear.hpp"
 #include "uwbpos/solve/toa_refine.hpp"
+#include "uwbpos/solve/toa_three_anchors.hpp"
 
 #include "bytes.hpp"
 #include "checks.hpp"
@@ -56,6 +57,14 @@ void run(Bytes bytes) {
   if (const auto mirror = uwbpos::toa_closed_form(ranges)) {
     for (const S coordinate : mirror->first) require(std::isfinite(coordinate), "first image");
     for (const S coordinate : mirror->second) require(std::isfinite(coordinate), "second image");
+  }
+
+  if constexpr (D == 2) {
+    if (count >= 3) {
+      if (const auto bare = uwbpos::toa_three_anchors<S>({ranges[0], ranges[1], ranges[2]})) {
+        for (const S coordinate : *bare) require(std::isfinite(coordinate), "three anchors");
+      }
+    }
   }
 
   if (count < 12) {

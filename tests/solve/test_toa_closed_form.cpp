@@ -99,27 +99,4 @@ TEST_CASE_TEMPLATE("closed form: what it cannot solve is refused by name", S, fl
         Error::DegenerateGeometry);
 }
 
-TEST_CASE_TEMPLATE("on the axes: (000-16) is exact and agrees with the general form", S, float,
-                   double) {
-  sim::Random random{"on the axes"};
-  for (int trial = 0; trial < 500; ++trial) {
-    const Vec<S, 2> tag = test::random_in_box<S, 2>(random, {0, 0}, {30, 20});
-    const std::vector<Vec<S, 2>> anchors{{0, 0}, {30, 0}, {0, 20}};
-    const auto ranges = test::ranges_between<S, 2>(tag, anchors);
-    const auto axes = toa_on_axes(ranges[0].range, ranges[1].range, ranges[2].range, S(30), S(20));
-    REQUIRE(axes);
-    CHECK((*axes - tag).norm() < (sizeof(S) == 4 ? S(2e-5) : S(1e-13)));
-    const auto general = toa_closed_form(ranges);
-    REQUIRE(general);
-    CHECK(nearest<S, 2>(*general, *axes) < (sizeof(S) == 4 ? 2e-3 : 1e-10));
-  }
-  const S nan = std::numeric_limits<S>::quiet_NaN();
-  CHECK(toa_on_axes(nan, S(1), S(1), S(1), S(1)).error() == Error::NotFinite);
-  CHECK(toa_on_axes(S(1), S(1), S(1), S(1), -nan).error() == Error::NotFinite);
-  CHECK(toa_on_axes(S(-1), S(1), S(1), S(1), S(1)).error() == Error::NegativeRange);
-  CHECK(toa_on_axes(S(1), S(1), S(1), S(0), S(1)).error() == Error::DegenerateGeometry);
-  const S huge = std::numeric_limits<S>::max();
-  CHECK(toa_on_axes(huge, S(1), huge, S(1e-3), S(1)).error() == Error::NumericOverflow);
-}
-
 }  // namespace tests::solve_toa_closed_form

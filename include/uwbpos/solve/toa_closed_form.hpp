@@ -4,10 +4,7 @@
 
 /// @file
 /// Position from ranges without iteration: D anchors, flat arrays of any number, or more. Exact on
-/// exact ranges. (000-15) and its 3-D form are the case n = D + 1, (000-16) the one on the axes.
-
-#include <cmath>
-#include <utility>
+/// exact ranges. (000-15) and its 3-D form are the case n = D + 1; toa_three_anchors.hpp has it bare.
 
 #include "uwbpos/solve/direct_ranges.hpp"
 #include "uwbpos/solve/mirror_choice.hpp"
@@ -80,41 +77,6 @@ template <RangeSet R>
 [[nodiscard]] auto toa_closed_form(const R& ranges)
     -> Result<Mirror<RangeSetScalar<R>, kRangeSetDimension<R>>> {
   return detail::toa_closed_form<RangeSetScalar<R>, kRangeSetDimension<R>>(as_range_span(ranges));
-}
-
-namespace detail {
-
-/// Why `toa_on_axes` has no answer, or the one whose sum alone is too large.
-template <class S>
-[[nodiscard, gnu::cold, gnu::noinline]] Result<Vec<S, 2>> doubtful_on_axes(S d1, S d2, S d3, S x2,
-                                                                           S y3) {
-  if (!std::isfinite(d1) || !std::isfinite(d2) || !std::isfinite(d3) || !std::isfinite(x2) ||
-      !std::isfinite(y3)) {
-    return std::unexpected(Error::NotFinite);
-  }
-  if (d1 < S(0) || d2 < S(0) || d3 < S(0)) return std::unexpected(Error::NegativeRange);
-  if (x2 == S(0) || y3 == S(0)) return std::unexpected(Error::DegenerateGeometry);
-  const Vec<S, 2> position{(d1 - d2) * (d1 + d2) / x2 + x2, (d1 - d3) * (d1 + d3) / y3 + y3};
-  if (all_finite(position)) return Vec<S, 2>{position * S(0.5)};
-  return std::unexpected(Error::NumericOverflow);
-}
-
-}  // namespace detail
-
-/// (000-16): anchors at (0, 0), (x2, 0) and (0, y3) at ranges d1, d2, d3 [m], in the plane:
-/// \f[ x = \frac{d_1^2 - d_2^2 + x_2^2}{2 x_2}, \qquad y = \frac{d_1^2 - d_3^2 + y_3^2}{2 y_3}. \f]
-/// The simplified TOA of the delivery robot: no root, no mirror image. Nine multiplications.
-/// Errors: Error::NotFinite; Error::NegativeRange; Error::DegenerateGeometry when x2 or y3 is 0;
-/// Error::NumericOverflow.
-template <class S>
-[[nodiscard]] Result<Vec<S, 2>> toa_on_axes(S d1, S d2, S d3, S x2, S y3) {
-  const S x = ((d1 - d2) * (d1 + d2) / x2 + x2) * S(0.5);
-  const S y = ((d1 - d3) * (d1 + d3) / y3 + y3) * S(0.5);
-  // What is not finite, or divides by zero, is not finite in the end.
-  if ((x + y) * S(0) + lesser(d1, lesser(d2, d3)) >= S(0)) {
-    return Result<Vec<S, 2>>{std::in_place, x, y};
-  }
-  return detail::doubtful_on_axes(d1, d2, d3, x2, y3);
 }
 
 }  // namespace uwbpos

@@ -8,6 +8,7 @@
 #include "uwbpos/solve/toa_chan.hpp"
 #include "uwbpos/solve/toa_linear.hpp"
 #include "uwbpos/solve/toa_refine.hpp"
+#include "uwbpos/solve/toa_three_anchors.hpp"
 
 #include "bench.hpp"
 
@@ -60,6 +61,27 @@ struct Chan3 : FromRanges<3, 8> {
 struct ClosedForm3 : FromRanges<3, 4> {
   using Output = Result<Mirror<float, 3>>;
   static Output run(const Input& in) { return toa_closed_form(in); }
+};
+struct ThreeAnchors : FromRanges<2, 3> {
+  using Output = Result<Vec<float, 2>>;
+  static Output run(const Input& in) { return toa_three_anchors(in); }
+};
+struct OnAxes {
+  static constexpr int kRounds = 20;
+  struct Input {
+    float d1, d2, d3, x2, y3;
+  };
+  using Output = Result<Vec<float, 2>>;
+  static Output run(const Input& in) { return toa_on_axes(in.d1, in.d2, in.d3, in.x2, in.y3); }
+#ifndef FIRMWARE_TARGET
+  static void make(Input& in, sim::Random& random, int) {
+    const Vec<double, 2> tag = point_in_room(random).head<2>();
+    const auto range = [&](const Vec<double, 2>& anchor) {
+      return to_float((tag - anchor).norm() + random.normal(0, 0.1));
+    };
+    in = {range({0, 0}), range({20, 0}), range({0, 15}), 20, 15};
+  }
+#endif
 };
 struct Linear2 : FromRanges<2, 4> {
   static Output run(const Input& in) { return toa_linear(in); }
@@ -164,6 +186,8 @@ struct Bound3 : FromRanges<3, 8> {
   X(toa_linear_2d_4, Linear2)                   \
   X(toa_chan_2d_4, Chan2)                       \
   X(toa_closed_form_2d_3, ClosedForm2)          \
+  X(toa_three_anchors_2d, ThreeAnchors)         \
+  X(toa_on_axes_2d, OnAxes)                     \
   X(locate_3d_8, Locate3)                       \
   X(locate_3d_8_recorded, LocateRecorded)       \
   X(locate_2d_4, Locate2)                       \
