@@ -110,8 +110,7 @@ template <class S, int D, int N>
   const S same = S(1e-3) * largest;
   if (squared_norm(apart) <= same * same) return best;
   const Vec<S, N> scaled = symmetric_from_lower(best.information) * apart;
-  if (dot(apart, scaled) < S(1)) return best;
-
+  const bool near = dot(apart, scaled) < S(1);  // either will do
   const auto decided = [&](S needed) {
     return rules_out(best.chi_squared, other.chi_squared, degrees_of_freedom, needed, rounding);
   };
@@ -126,7 +125,7 @@ template <class S, int D, int N>
     case MirrorChoice::Unknown:
       break;
   }
-  if (decided(S(9))) return best;
+  if (near || decided(S(9))) return best;
   return std::unexpected(Error::AmbiguousSolution);
 }
 

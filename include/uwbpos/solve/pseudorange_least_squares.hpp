@@ -5,93 +5,31 @@
 /// @file
 /// Maximum-likelihood position and common bias from pseudoranges: the minimum of
 /// \f[ \chi^2(p, b) = \sum (\rho_i - |p - a_i| - b)^2 / \sigma_i^2 \f]
-/// by the descent of newton.hpp from the closed form's roots. For range differences against a
-/// shared reference it is the minimum with their full Q⁻¹ (model/pseudorange.hpp).
+/// by the descents of pseudorange_descent.hpp from the closed form's roots. For range differences
+/// against a shared reference it is the minimum with their full Q⁻¹ (model/pseudorange.hpp).
 
 #include "uwbpos/solve/direct_pseudoranges.hpp"
-#include "uwbpos/solve/mirror_choice.hpp"
-#include "uwbpos/solve/pseudorange_profile.hpp"
-#include "uwbpos/solve/pseudorange_roots.hpp"
+#include "uwbpos/solve/pseudorange_flat.hpp"
 
 namespace uwbpos {
 
-/// The shortest step [m] that the scalar can tell near these roots.
-template <class S, int D>
-[[nodiscard]] S pseudorange_rounding(const PseudorangeRoots<S, D>& roots) {
-  return S(4) * std::numeric_limits<S>::epsilon() * roots.largest;
-}
-
-/// A minimum of χ² and the profile there, with J; relative to the roots' center and mean.
-template <class S, int D>
-struct PseudorangeMinimum {
-  Vec<S, D> position;                ///< [m]
-  PseudorangeProfile<S, D> profile;  ///< there
-};
-
-/// The minimum of χ² in whose basin root `i` lies. O(n·D²) an iteration, no allocation.
-/// Error::NotConverged.
-template <class S, int D, PseudorangeView<S, D> V>
-[[nodiscard]] Result<PseudorangeMinimum<S, D>> pseudorange_minimum(
-    const V& view, const PseudorangeRoots<S, D>& roots, int i) {
-  constexpr int kIterations = 100;
-  const int freedom = static_cast<int>(view.size()) - (D + 1);
-  const auto from = [&](const Vec<S, D + 1>& root) -> Result<PseudorangeMinimum<S, D>> {
-    Vec<S, D> start;
-    for (int k = 0; k < D; ++k) start[k] = root[k];
-    // The bias follows from the lowest profile met, by its gradient.
-    Vec<S, D> at = start;
-    Vec<S, D> slope = Vec<S, D>::Zero();
-    S bias = root[D];
-    S lowest = std::numeric_limits<S>::infinity();
-    PseudorangeMinimum<S, D> minimum;
-    PseudorangeProfile<S, D>& profile = minimum.profile;
-    const auto evaluate = [&](const Vec<S, D>& position,
-                              Curvature curvature) -> const NormalEquations<S, D>& {
-      minimum.position = position;
-      const S near = bias - dot<S, D>(slope, position - at);
-      profile = pseudorange_profile<S, D>(view, roots.center, roots.mean_pseudorange, position,
-                                          curvature, near);
-      if (profile.normal.chi_squared < lowest) {
-        at = position;
-        slope = profile.mean_gradient;
-        bias = profile.bias;
-        lowest = profile.normal.chi_squared;
-      }
-      return profile.normal;
-    };
-    const Result<Minimum<S, D>> found =
-        minimise<S, D>(evaluate, start, pseudorange_rounding(roots), kIterations);
-    if (!found) return std::unexpected(found.error());
-    // χ² may fall towards a far end of the hyperbolas, where rounding ends it.
-    const S farthest = S(1e3) * (roots.largest + norm(start));
-    if (!(norm(found->state) < farthest)) return std::unexpected(Error::NotConverged);
-    // What the last, negligible step changes, to first order.
-    profile.bias -= dot<S, D>(profile.mean_gradient, found->state - minimum.position);
-    profile.normal.chi_squared = found->chi_squared;
-    minimum.position = found->state;
-    return minimum;
-  };
-  // The refined root is near its minimum unless noise has sent it astray, which shows in a χ² that
-  // is not believable.
-  Result<PseudorangeMinimum<S, D>> minimum = from(refined_candidate<S, D>(view, roots, i));
-  if (!minimum || !is_believable(minimum->profile.normal.chi_squared, freedom)) {
-    const Result<PseudorangeMinimum<S, D>> again = from(roots.candidates[i]);
-    if (!minimum ||
-        (again && again->profile.normal.chi_squared < minimum->profile.normal.chi_squared)) {
-      minimum = again;
-    }
-  }
-  return minimum;
-}
-
-/// The fix at a minimum that `pseudorange_minimum` found. O(D³), no allocation.
-/// Errors: Error::DegenerateGeometry, Error::NumericOverflow.
+/// The fix at a minimum that `pseudorange_minimum` found. O(D³), no allocation; of flat anchors
+/// O(n·D²). Errors: Error::DegenerateGeometry, Error::NumericOverflow.
 template <class S, int D, PseudorangeView<S, D> V>
 [[nodiscard]] Result<BiasedFix<S, D>> biased_fix_at(const V& view,
                                                     const PseudorangeRoots<S, D>& roots,
                                                     const PseudorangeMinimum<S, D>& minimum) {
-  return make_biased_fix<S, D>(minimum.profile, roots.center, roots.mean_pseudorange,
-                               minimum.position, static_cast<int>(view.size()) - (D + 1));
+  const auto fix_of = [&](const PseudorangeProfile<S, D>& profile) {
+    return make_biased_fix<S, D>(profile, roots.center, roots.mean_pseudorange, minimum.position,
+                                 static_cast<int>(view.size()) - (D + 1));
+  };
+  if (!roots.flat()) return fix_of(minimum.profile);
+  const FlatHeight<S, D + 1> height = height_at<S, D>(view, roots, minimum);
+  PseudorangeProfile<S, D> profile = minimum.profile;
+  add_outer<S, D>(profile.normal.matrix, roots.across, height.information);
+  Result<BiasedFix<S, D>> fix = fix_of(profile);
+  if (fix) fix->covariance += height.spread * height.by_square * height.by_square.transpose();
+  return fix;
 }
 
 /// The fix at the minimum in whose basin root `i` lies. O(n·D²) an iteration, no allocation.
@@ -154,14 +92,25 @@ template <class S, int D, PseudorangeView<S, D> V>
                                                          const LocateOptions<S, D>& options) {
   const Result<PseudorangeRoots<S, D>> roots = pseudorange_roots<S, D>(view);
   if (!roots) return std::unexpected(roots.error());
-  if (roots->count == 0) return std::unexpected(Error::InconsistentRanges);
   const int freedom = static_cast<int>(view.size()) - (D + 1);
-  const Result<PseudorangeMinimum<S, D>> first = pseudorange_minimum<S, D>(view, *roots, 0);
-  if (roots->count == 1) {
+  const bool flat = roots->flat();
+  Result<PseudorangeMinimum<S, D>> first = std::unexpected(Error::InconsistentRanges);
+  if (roots->count > 0) first = pseudorange_minimum<S, D>(view, *roots, 0);
+  if (flat && !first) {
+    // Beside flat anchors noise sends roots far off: from the middle, aside of it.
+    Vec<S, D + 1> middle = Vec<S, D + 1>::Zero();
+    middle.template head<D>() = S(0.25) * roots->largest * roots->across;
+    const auto found = descend_pseudoranges<S, D>(view, *roots, middle);
+    if (found && is_believable(found->profile.normal.chi_squared, freedom)) first = found;
+  }
+  if (roots->count < 2 && (!flat || !first)) {
     if (!first) return std::unexpected(first.error());
     return biased_fix_at<S, D>(view, *roots, *first);
   }
-  const Result<PseudorangeMinimum<S, D>> second = pseudorange_minimum<S, D>(view, *roots, 1);
+  // Flat anchors have two images, even where noise leaves one root, in their plane.
+  const Result<PseudorangeMinimum<S, D>> second = flat && first
+                                                      ? mirror_image<S, D>(*first, roots->across)
+                                                      : pseudorange_minimum<S, D>(view, *roots, 1);
   const auto image = [](const Result<PseudorangeMinimum<S, D>>& m) -> Result<Minimum<S, D + 1>> {
     if (!m) return std::unexpected(m.error());
     return with_bias<S, D>(m->profile, m->position);

@@ -40,8 +40,11 @@ struct PseudorangeRoots {
   S mean_pseudorange;           ///< weighted mean of the pseudoranges [m]
   Vec<S, D + 1> candidates[2];  ///< (s, β) [m]
   int count;                    ///< 0, 1 or 2
+  Vec<S, D> across;             ///< unit normal of flat anchors, zero of others
   S largest;                    ///< the greatest length met [m]
 
+  /// Whether all anchors lie in one plane (3-D) or line (2-D) to working precision.
+  [[nodiscard]] bool flat() const { return across != Vec<S, D>::Zero(); }
   /// Candidate `i` in the anchors' frame.
   [[nodiscard]] BiasedPosition<S, D> at(int i) const {
     BiasedPosition<S, D> solution;
@@ -122,6 +125,9 @@ template <class S, int D, PseudorangeView<S, D> V>
   for (int k = 0; k < D; ++k) roots.center[k] = origin[k] + middle[k] + m[k];
   roots.mean_pseudorange = first - middle[D] - m[D];
   roots.count = 0;
+  // Flat anchors leave the line across them; equal pseudoranges would leave it along β.
+  const bool flat = !(line->information > S(0)) && std::abs(line->direction[D]) < S(1e-3);
+  for (int k = 0; k < D; ++k) roots.across[k] = flat ? line->direction[k] : S(0);
   roots.largest = std::max(std::sqrt(farthest), norm(line->foot));
 
   // a τ² + 2 h τ + c = 0 of (1) on the line.

@@ -4,7 +4,8 @@
 
 /// @file
 /// Position from ranges without iteration: D anchors, flat arrays of any number, or more. Exact on
-/// exact ranges. (000-15) and its 3-D form are the case n = D + 1; toa_three_anchors.hpp has it bare.
+/// exact ranges. (000-15) and its 3-D form are the case n = D + 1; toa_three_anchors.hpp has it
+/// bare.
 
 #include "uwbpos/solve/direct_ranges.hpp"
 #include "uwbpos/solve/mirror_choice.hpp"
