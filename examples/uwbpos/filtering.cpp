@@ -105,7 +105,7 @@ class RecoveryWatch {
   void measured(double t, Id tag, const Verdict& verdict) {
     if (!first_) first_ = t;
     if (reset_ < resets_.size() && resets_[reset_].t <= t) {
-      open(t, tag, fmt::format("the clock was set back by {:.4g} s", resets_[reset_].back));
+      open(t, tag, "the clock was " + words_of(resets_[reset_]));
       ++reset_;
     }
     if (last_ && t - *last_ > pause_) open(t, tag, "nothing was received");

@@ -58,9 +58,22 @@ void mend_clock(Log<T>& log) {
   std::vector<Stamp> stamps;
   stamps.reserve(log.rows.size());
   for (const T& row : log.rows) stamps.push_back({row.t, link_of(row), value_of(row)});
-  for (const auto& [at, forth] : find_set_backs(std::move(stamps))) {
-    for (T& row : std::span{log.rows}.subspan(at)) row.t += forth;
-    log.counts.clock_resets.push_back({log.rows[at].t, forth});
+  const auto steps = find_clock_steps(stamps);
+  // Times that overflow stay as they are.
+  std::vector<double> moved(log.rows.size());
+  for (std::size_t k = 0; k < steps.size(); ++k) {
+    const std::size_t end = k + 1 < steps.size() ? steps[k + 1].row : moved.size();
+    for (std::size_t i = steps[k].row; i < end; ++i) moved[i] = steps[k].forth;
+  }
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    if (!std::isfinite(stamps[i].t + moved[i])) return;
+  }
+  for (std::size_t i = 0; i < moved.size(); ++i) log.rows[i].t += moved[i];
+  double before = 0;
+  for (const ClockStep& step : steps) {
+    if (step.is_reset)
+      log.counts.clock_resets.push_back({log.rows[step.row].t, step.forth - before});
+    before = step.forth;
   }
 }
 
@@ -77,6 +90,11 @@ void put_in_order(Log<T>& log) {
 }
 
 }  // namespace
+
+std::string words_of(const ClockReset& reset) {
+  return fmt::format("set {} by {:.5g} s", reset.back < 0 ? "forward" : "back",
+                     std::abs(reset.back));
+}
 
 std::optional<double> BiasTable::find(Id tag, Id anchor) const {
   if (const auto link = of_link.find({tag, anchor}); link != of_link.end()) return link->second;

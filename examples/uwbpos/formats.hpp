@@ -90,11 +90,14 @@ struct BiasTable {
 /// Ascending by power.
 using PowerBiasTable = std::vector<RangeBiasPoint<double>>;
 
-/// Where the clock that stamped a log was set back.
+/// Where the clock that stamped a log was set.
 struct ClockReset {
   double t;     ///< of the first row after it, as mended [s]
-  double back;  ///< by how much [s]
+  double back;  ///< by how much; below zero: forward [s]
 };
+
+/// `set back by 12 s`, or forward.
+[[nodiscard]] std::string words_of(const ClockReset& reset);
 
 /// What reading a log counted, besides malformed rows (`Problems`).
 struct LogCounts {

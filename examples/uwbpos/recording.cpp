@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "clock_resets.hpp"
 #include "failure.hpp"
 #include "pose_remarks.hpp"
 
@@ -35,6 +36,14 @@ std::size_t readings_in(const std::map<Id, std::size_t>& counts) {
   std::size_t sum = 0;
   for (const auto& [id, count] : counts) sum += count;
   return sum;
+}
+
+// Moves all rows from a time on.
+template <class T>
+auto mover_of(std::vector<T>& rows) {
+  return [&rows](double since, double later) {
+    for (T& row : rows) row.t += row.t >= since ? later : 0;
+  };
 }
 
 }  // namespace
@@ -87,16 +96,19 @@ Recording read_recording(const Settings& settings, Problems& problems) {
     power_bias = *RangeBias<double>::make(power_table);
   }
 
-  const auto add_counts = [&](const LogCounts& counts) {
+  std::vector<ClockReset> of_ranges;
+  std::vector<ClockReset> of_differences;
+  std::vector<ClockReset> of_samples;
+  const auto add_counts = [&](const LogCounts& counts, std::vector<ClockReset>& resets) {
     recording.counts.rows += counts.rows;
     recording.counts.no_reading += counts.no_reading;
     recording.counts.out_of_order += counts.out_of_order;
-    std::ranges::copy(counts.clock_resets, std::back_inserter(recording.counts.clock_resets));
+    resets = counts.clock_resets;
   };
   if (!settings.ranges.empty()) {
     Log<Reading> log = read_ranges(settings.ranges, problems);
     recording.log = log.file;
-    add_counts(log.counts);
+    add_counts(log.counts, of_ranges);
     recording.readings = std::move(log.rows);
     for (Reading& reading : recording.readings) {
       if (power_bias && reading.power) reading.range -= power_bias->at(*reading.power).value_or(0);
@@ -104,14 +116,14 @@ Recording read_recording(const Settings& settings, Problems& problems) {
   } else if (!settings.twr.empty()) {
     const Log<Exchange> log = read_twr(settings.twr, problems);
     recording.log = log.file;
-    add_counts(log.counts);
+    add_counts(log.counts, of_ranges);
     recording.ranging = ranges_from_exchanges(log.rows, settings, power_bias);
     recording.readings = recording.ranging->readings;
   }
   if (!settings.tdoa.empty()) {
     Log<Difference> log = read_tdoa(settings.tdoa, problems);
     if (recording.log.empty()) recording.log = log.file;
-    add_counts(log.counts);
+    add_counts(log.counts, of_differences);
     recording.differences = std::move(log.rows);
   }
   if (recording.counts.rows == 0) {
@@ -122,8 +134,14 @@ Recording read_recording(const Settings& settings, Problems& problems) {
     if (log.rows.empty()) {
       throw Failure{fmt::format("{}: holds no sample of an inertial unit", log.file.string())};
     }
-    add_counts(log.counts);
+    add_counts(log.counts, of_samples);
     recording.samples = std::move(log.rows);
+  }
+  align_clock_resets({{of_ranges, mover_of(recording.readings)},
+                      {of_differences, mover_of(recording.differences)},
+                      {of_samples, mover_of(recording.samples)}});
+  for (const auto& of_log : {of_ranges, of_differences, of_samples}) {
+    std::ranges::copy(of_log, std::back_inserter(recording.counts.clock_resets));
   }
   double first = std::numeric_limits<double>::infinity();
   double last = -first;
@@ -153,10 +171,10 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
                                count_of(recording.counts.out_of_order, "row"), kReorderWindow));
   }
   for (const ClockReset& reset : recording.counts.clock_resets) {
-    said.push_back(
-        fmt::format("The clock of a log was set back by {:.6g} s: times from there on are taken to "
-                    "go on at {:.6g} s, in track.tum too; how long it was silent nobody knows.",
-                    reset.back, reset.t));
+    said.push_back(fmt::format(
+        "The clock of a log was {}: times from there on are taken to go on at {:.6g} s, "
+        "in track.tum too; how long it was silent nobody knows.",
+        words_of(reset), reset.t));
   }
   if (recording.ranging) {
     for (const auto& [reason, count] : recording.ranging->refused) {

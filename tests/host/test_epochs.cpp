@@ -91,7 +91,8 @@ TEST_CASE("A log that holds every row twice has the epochs of one that holds it 
   std::vector<Reading> once;
   for (int i = 0; i < 40; ++i) {
     once.push_back(reading(0.1 * i, 0, 1));
-    if (i % 3 != 0) once.push_back(reading(0.1 * i, 0, 2));
+    once.push_back(reading(0.1 * i, 0, 2));
+    if (i % 3 != 0) once.push_back(reading(0.1 * i, 0, 3));
   }
   std::vector<Reading> twice;
   for (const Reading& r : once) twice.insert(twice.end(), 2, r);

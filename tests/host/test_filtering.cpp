@@ -432,14 +432,32 @@ TEST_CASE("filtering: rows out of order, or tag by tag, are no clock that was se
     for (std::size_t k = 200; k < stepped.size(); ++k) stepped[k].first -= back;
     return resets(stepped);
   };
-  for (const double back : {0.43, 0.5, 1.22, 1.7e9, 300.0, 24.0, 17.0}) {
+  for (const double back : {0.43, 0.5, 1.22, 1.7e9, 300.0, 24.0, 17.0, -1.7e9}) {
     CAPTURE(back);
     const auto stepped_back = by(back);
     REQUIRE(stepped_back.size() == 1);
     CHECK(stepped_back.front().back == doctest::Approx(back));
   }
-  for (const double back : {0.02, 0.3, 20.0}) CHECK(by(back).empty());
-  // A hole whose rows come later, and one stamp of another time.
+  for (const double back : {0.02, 0.3, 20.0, -500.0}) CHECK(by(back).empty());
+  // Rows that come late, in batches by anchor as of gateways, in a hole, one stamp of another time.
+  const auto in_order_of = [&](const auto& key) {
+    std::string text = "t_s,tag_id,anchor_id,range_m\n";
+    std::vector<std::size_t> order(rows.size());
+    for (std::size_t k = 0; k < order.size(); ++k) order[k] = k;
+    std::ranges::stable_sort(order, {}, key);
+    for (const std::size_t k : order) {
+      text +=
+          fmt::format("{},0,{},{:.3f}\n", rows[k].first, k % 4, 5 + 0.001 * static_cast<double>(k));
+    }
+    Problems problems;
+    return read_ranges(files.write("r.csv", text), problems).counts.clock_resets;
+  };
+  for (const std::size_t batch : {20, 40, 100}) {
+    CAPTURE(batch);
+    CHECK(in_order_of([&](std::size_t k) { return 10 * (k / batch) + k % 2; }).empty());
+    CHECK(in_order_of([&](std::size_t k) { return 10 * (k / batch) + k % 4; }).empty());
+  }
+  CHECK(in_order_of([](std::size_t k) { return k + k * 149 % 10; }).empty());
   auto hole = rows;
   std::rotate(hole.begin() + 150, hole.begin() + 180, hole.begin() + 250);
   CHECK(resets(hole).empty());
@@ -451,10 +469,57 @@ TEST_CASE("filtering: rows out of order, or tag by tag, are no clock that was se
   auto shuffled = rows;
   for (std::size_t k = 0; k < rows.size(); ++k) shuffled[k] = rows[k * 149 % rows.size()];
   CHECK(resets(shuffled).empty());
+  // With rows a little out of order, and of two tags one after the other.
+  auto disordered = rows;
+  for (std::size_t k = 200; k < rows.size(); ++k) disordered[k].first -= 5;
+  for (std::size_t k = 0; k + 3 < rows.size(); k += 4) std::swap(disordered[k], disordered[k + 3]);
+  REQUIRE(resets(disordered).size() == 1);
+  CHECK(resets(disordered).front().back == doctest::Approx(5).epsilon(0.05));
+  auto two = rows;
+  for (std::size_t k = 200; k < two.size(); ++k) two[k].first -= 5;
+  const auto first_tag = two;
+  for (const auto& [t, tag] : first_tag) two.emplace_back(t, 1);
+  const auto of_both = resets(two);
+  REQUIRE(of_both.size() == 2);
+  CHECK(of_both[1].back == doctest::Approx(5));
+  CHECK(of_both[1].t == doctest::Approx(10));
   // To where times are those of rows before, which say something else.
   auto onto = rows;
   for (std::size_t k = 200; k < onto.size(); ++k) onto[k].first = rows[k - 200].first;
   CHECK(resets(onto).size() == 1);
+}
+
+TEST_CASE("filtering: logs of one clock that was set back go on together") {
+  Drone drone{"a drone whose clock is set back", 16};
+  drone.measure(false);
+  const Recording& recording = drone.recording();
+  const Files files;
+  std::string anchors = "anchor_id,x_m,y_m,z_m\n";
+  for (const auto& [id, p] : recording.site.anchors) {
+    anchors += fmt::format("{},{},{},{}\n", id, p.x(), p.y(), p.z());
+  }
+  // At 8 s, after two seconds without the radio.
+  const auto set = [](double t) { return t < 8 ? t : t - 1000; };
+  std::string ranges = "t_s,anchor_id,range_m\n";
+  for (const Reading& r : recording.readings) {
+    if (r.t < 6 || r.t >= 8)
+      ranges += fmt::format("{:.4f},{},{:.4f}\n", set(r.t), r.anchor, r.range);
+  }
+  std::string imu = "t_s,gyro_x_radps,gyro_y_radps,gyro_z_radps,acc_x_mps2,acc_y_mps2,acc_z_mps2\n";
+  for (const InertialReading& s : drone.samples()) {
+    imu += fmt::format("{:.4f},{:.6f},{:.6f},{:.6f},{:.5f},{:.5f},{:.5f}\n", set(s.t), s.gyro.x(),
+                       s.gyro.y(), s.gyro.z(), s.accelerometer.x(), s.accelerometer.y(),
+                       s.accelerometer.z());
+  }
+  REQUIRE(run_with({"replay", "--filter", "--dim", "3", "--anchors",
+                    files.write("anchors.csv", anchors).string(), "--truth",
+                    files.write("truth.tum", tum(recording.site.truth)).string(), "--ranges",
+                    files.write("ranges.csv", ranges).string(), "--imu",
+                    files.write("imu.csv", imu).string(), "--out", files.path("out").string()}) ==
+          kSuccess);
+  const Json summary = Json::parse(files.read("out/summary.json"));
+  CHECK(summary.at("filter").at("settled_rmse_m").get<double>() < 0.15);
+  CHECK(files.read("out/report.html").find("set back by 1000 s") != std::string::npos);
 }
 
 TEST_CASE("filtering: an accelerometer upside down, or without gravity, is refused by name") {
