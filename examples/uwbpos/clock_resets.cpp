@@ -186,7 +186,7 @@ Meaning meaning_of(Rows rows, std::size_t start, std::size_t at, double newest, 
   if (8 * known < looked) return Meaning::kPart;
   // Of pairs, either anchor may be at rest for longer than it usually is.
   const std::size_t needed = before.coarse ? met / 4 : met / 2;
-  if (met >= (before.coarse ? 3 * kFewest : kFewest)) {
+  if (met >= (before.coarse ? 2 * kFewest : kFewest)) {
     return covered >= needed && 2 * twice < met ? Meaning::kReset : Meaning::kNothing;
   }
   // Times that do not meet: a part that ends where the rest begins is one in the wrong order.

@@ -120,7 +120,7 @@ class RecoveryWatch {
     if (verdict.began || verdict.reopened || verdict.used) {
       tracked_ = true;
       used_at_ = t;
-      if (open_) open_->used = true;
+      if (open_ && !open_->used) open_->used = t;
     }
   }
 
@@ -128,14 +128,10 @@ class RecoveryWatch {
   void posed(double t, std::optional<double> spread) {
     if (!spread) return;
     if (!after_ && first_) after_ = t - *first_;
-    if (open_) {
-      constexpr double enough = 1.5;
-      constexpr std::size_t few = 10;
-      const bool as_usual =
-          usual_.size() < few ||
-          *spread <= enough * median(std::vector<double>(usual_.begin(), usual_.end()));
-      if (!open_->used || !as_usual) return;
-      open_->what.recovery = std::max(t - open_->what.t, 0.0);
+    poses_.push_back({t, *spread});
+    if (open_ && open_->used &&
+        (usual_.empty() ||
+         *spread <= kEnough * median(std::vector<double>(usual_.begin(), usual_.end())))) {
       close();
     }
     constexpr std::size_t most = 200;
@@ -145,16 +141,33 @@ class RecoveryWatch {
 
   void finish(Filtering& filtering) {
     if (open_) close();
-    std::ranges::move(found_, std::back_inserter(filtering.interruptions));
+    std::vector<double> spreads;
+    for (const auto& [t, spread] : poses_) spreads.push_back(spread);
+    const double usual = spreads.empty() ? 0 : median(std::move(spreads));
+    for (auto& [what, used] : found_) {
+      for (const auto& [t, spread] : poses_) {
+        if (used && t >= *used && spread <= kEnough * usual) {
+          what.recovery = std::max(t - what.t, 0.0);
+          break;
+        }
+      }
+      filtering.interruptions.push_back(std::move(what));
+    }
     if (after_) {
       filtering.first_pose_after = std::max(filtering.first_pose_after.value_or(0), *after_);
     }
   }
 
  private:
+  static constexpr double kEnough = 1.5;  // times the usual spread
+
   struct Open {
     Interruption what;
-    bool used = false;
+    std::optional<double> used = std::nullopt;  // when something was first [s]
+  };
+  struct Pose {
+    double t;
+    double spread;
   };
 
   void open(double t, Id tag, std::string cause) {
@@ -162,7 +175,7 @@ class RecoveryWatch {
     open_ = Open{{t, tag, std::move(cause), used_at_ ? t - *used_at_ : 0}};
   }
   void close() {
-    found_.push_back(std::move(open_->what));
+    found_.push_back(std::move(*open_));
     open_.reset();
   }
 
@@ -172,8 +185,9 @@ class RecoveryWatch {
   bool tracked_ = false;
   std::optional<double> first_, last_, used_at_, after_;
   std::optional<Open> open_;
-  std::deque<double> usual_;
-  std::vector<Interruption> found_;
+  std::deque<double> usual_;  // spreads of late
+  std::vector<Pose> poses_;
+  std::vector<Open> found_;
 };
 
 // What counts as a pause in a stream [s].

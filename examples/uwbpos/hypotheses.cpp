@@ -82,6 +82,11 @@ void feed(const std::vector<std::unique_ptr<Hypothesis>>& hypotheses, const Time
 }  // namespace
 
 HypothesisBank::HypothesisBank(BankOptions options) : options_{std::move(options)} {
+  for (const auto& [a, place] : options_.anchors) {
+    for (const auto& [b, other] : options_.anchors) {
+      extent_ = std::max(extent_, (place - other).norm());
+    }
+  }
   add_all();
   add_suspicious();
 }
@@ -350,10 +355,10 @@ bool HypothesisBank::disputed(std::int64_t time) {
   constexpr double sigmas = 2.5;
   constexpr double decided = 30;  // in score
   const std::size_t anchors = options_.anchors.size();
-  if (time - begun_ > longest && met_ >= 2 * anchors) return false;
+  if (time - begun_ > longest && met_ >= 5 * anchors) return false;
   // One that does without an anchor may need a few more measurements to begin.
   if (options_.motion != BodyMotion::kPlanarBody &&
-      (time - begun_ < kSecond / 2 || met_ < anchors) && anchors <= kMostSuspects &&
+      (time - begun_ < kSecond / 2 || met_ < 2 * anchors) && anchors <= kMostSuspects &&
       ((time - begun_ < kSecond / 8 && met_ < 2 * anchors) ||
        std::ranges::any_of(
            all_, [](const auto& h) { return h->suspicious && !h->asleep && !h->tracking(); }))) {
@@ -502,6 +507,11 @@ Result<Estimate> HypothesisBank::at(std::int64_t time) {
   }
   mixed.covariance /= counted;
   if (mixed.heading) mixed.heading->variance /= counted_heading;
+  // What is no better known than that it is somewhere about is not known.
+  constexpr double somewhere = 0.25;
+  if (!(mixed.covariance.trace() < somewhere * somewhere * extent_ * extent_)) {
+    return std::unexpected(Error::NotYetLocated);
+  }
   return mixed;
 }
 

@@ -84,6 +84,7 @@ class HypothesisBank {
   };
 
   BankOptions options_;
+  double extent_ = 0;  // from anchor to anchor [m]
   std::vector<std::unique_ptr<Hypothesis>> all_;
   Hypothesis* best_ = nullptr;
   Hypothesis* listener_ = nullptr;
