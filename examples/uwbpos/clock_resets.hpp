@@ -31,9 +31,10 @@ struct ClockStep {
 /// A clock set back looks unlike rows that come late or parts of a log in the wrong order, which
 /// fill a hole in what the rest tells or end where it begins; unlike a log whose tags or anchors
 /// stand one after the other, whole or in batches, which are then others; and unlike rows logged
-/// twice. Less than eight rows (of random pairs sixteen) are not seen, and steps more frequent than a clock's own overflow
-/// are none. Set forward it is believed beyond three years, where nothing else could be meant.
-/// Times go on by the usual step of each link. O(n log n), of a log without any order too.
+/// twice. Less than eight rows (of random pairs sixteen) are not seen, and steps more frequent than
+/// a clock's own overflow are none. Set forward it is believed beyond three years, where nothing
+/// else could be meant. Times go on by the usual step of each link. O(n log n), of a log without
+/// any order too.
 [[nodiscard]] std::vector<ClockStep> find_clock_steps(const std::vector<Stamp>& rows);
 
 /// One of several logs.

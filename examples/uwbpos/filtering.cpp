@@ -190,16 +190,27 @@ class RecoveryWatch {
   std::vector<Open> found_;
 };
 
+// From epoch to epoch, typically [s]; zero of a single one.
+double period_of(const Stream& stream) {
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < stream.ends.size(); ++i) {
+    if (stream.ends[i] > stream.ends[i - 1]) steps.push_back(stream.ends[i] - stream.ends[i - 1]);
+  }
+  return steps.empty() ? 0 : median(std::move(steps));
+}
+
 // What counts as a pause in a stream [s].
 double pause_of(const Stream& stream) {
   constexpr double shortest = 0.5;
   constexpr double times = 10;
+  constexpr double epochs = 1.5;
   std::vector<double> steps;
   for (std::size_t i = 1; i < stream.measurements.size(); ++i) {
     const auto step = stream.measurements[i].time - stream.measurements[i - 1].time;
     if (step > 0) steps.push_back(1e-6 * static_cast<double>(step));
   }
-  return steps.empty() ? shortest : std::max(shortest, times * median(std::move(steps)));
+  const double quiet = steps.empty() ? 0 : times * median(std::move(steps));
+  return std::max({shortest, quiet, epochs * period_of(stream)});
 }
 
 // One track through its stream.
@@ -485,6 +496,7 @@ BankOptions bank_options(const Settings& settings, const Site& site, const Plan&
   if (settings.side != Side::kUnknown) o.side = upwards(settings.side);
   o.prior = settings.prior;
   o.network = site.network;
+  o.period = period_of(plan.streams.at(tag));
   return o;
 }
 
@@ -588,6 +600,8 @@ void follow_all(const Settings& settings, const Site& site, const Plan& plan,
   std::size_t done = 0;
   for (const auto& [tag, stream] : plan.streams) of += stream.measurements.size();
   for (const auto& [tag, stream] : plan.streams) {
+    double& period = result.filtering->period;
+    period = std::max(period, period_of(stream));
     Follow follow{site,
                   plan,
                   tag,

@@ -66,6 +66,7 @@ struct AnchorTally {
 /// What filtering was like.
 struct Filtering {
   std::string motion;  ///< what was filtered with, in words
+  double period = 0;   ///< from epoch to epoch, typically, of the slowest tag [s]
   std::size_t used = 0;
   Counts refused;  ///< measurements, by reason
   std::vector<Innovated> innovations;

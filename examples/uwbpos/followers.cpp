@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <deque>
 #include <numbers>
 #include <string>
@@ -284,6 +286,10 @@ TrackerOptions<Motion> options_for(const BankOptions& bank, const Motion& motion
   TrackerOptions<Motion> options;
   options.model.motion = motion;
   constexpr int D = Motion::kDimension;
+  // Some epochs may be lost.
+  constexpr double epochs = 3.5e6;
+  const double gap = std::min(epochs * bank.period, static_cast<double>(kLongestTrackGap));
+  options.max_gap = std::max(options.max_gap, static_cast<std::int64_t>(gap));
   if (bank.prior) options.locate.prior = bank.prior->head<D>();
   if constexpr (D == 3) {
     if (bank.side) options.locate.side = *bank.side;

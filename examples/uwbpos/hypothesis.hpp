@@ -102,6 +102,7 @@ struct BankOptions {
   std::optional<Vec3> side = std::nullopt;     ///< where the tags are, of coplanar anchors
   std::optional<Vec3> prior = std::nullopt;    ///< [m]
   std::shared_ptr<const LinkNetwork> network;  ///< of the links' biases
+  double period = 0;                           ///< from epoch to epoch, typically [s]
 };
 
 /// What a radio's errors are taken for.

@@ -214,6 +214,13 @@ std::vector<std::string> remarks(const Recording& recording, const Replay& repla
       said.push_back(fmt::format("{} refused by the filter: {}.", count_of(count, "measurement"),
                                  reason_words(reason)));
     }
+    constexpr double seldom = 1.5;  // [s]
+    if (f.period > seldom) {
+      said.push_back(fmt::format(
+          "An epoch each {:.2g} s is too seldom for a filter to foretell what comes; without "
+          "--filter each is solved by itself.",
+          f.period));
+    }
     if (f.reopened > 0) {
       said.push_back(fmt::format(
           "The filter was locked out by its own gate and began anew where measurements agreed, {}.",
