@@ -196,42 +196,63 @@ Meaning meaning_of(Rows rows, std::size_t start, std::size_t at, double newest, 
 
 // Whether the rows from `at` on are of a clock that was set forward by years.
 bool set_forward_at(Rows rows, std::size_t start, std::size_t at, double newest) {
-  if (!(rows[at].t - newest > kForth) || at - start < kFewest || rows.size() - at < kFewest) {
-    return false;
-  }
+  constexpr double times = 100;  // what the log took so far
+  const double least = std::max(kForth, times * (newest - rows[start].t));
+  if (at - start < kFewest || rows.size() - at < kFewest) return false;
   return std::ranges::all_of(rows.subspan(at, kFewest),
-                             [&](const Stamp& row) { return row.t - newest > kForth; });
+                             [&](const Stamp& row) { return row.t - newest > least; });
 }
 
 // Clocks are set now and then. One that is again and again overflows, and begins where it began.
 bool plausible(const std::vector<ClockStep>& steps, Rows rows) {
-  constexpr int often = 3;  // in a part
+  constexpr int few = 3;        // in a part
+  constexpr double often = 30;  // [s]
   const double lowest = std::ranges::min_element(rows, {}, &Stamp::t)->t;
   const double highest = std::ranges::max_element(rows, {}, &Stamp::t)->t;
   int resets = 0;
+  double since = rows.front().t;  // of the part, as mended
+  double before = 0;              // by how much the rows before the step are moved
   for (const ClockStep& step : steps) {
-    if (!step.is_reset) resets = 0;
+    const double last = rows[step.row - 1].t + before;
+    before = step.forth;
+    if (!step.is_reset) {
+      resets = 0;
+      since = rows[step.row].t;
+    }
     const bool overflow = rows[step.row].t - lowest < 0.1 * (highest - lowest);
-    if (step.is_reset && !overflow && ++resets > often) return false;
+    if (!step.is_reset || overflow) continue;
+    if (++resets > few && last - since < often * resets) return false;
   }
   return true;
 }
 
 }  // namespace
 
-std::vector<ClockStep> find_clock_steps(const std::vector<Stamp>& rows) {
+std::vector<ClockStep> find_clock_steps(const std::vector<Stamp>& stamps) {
+  const Rows rows{stamps};
   std::vector<ClockStep> found;
   double newest = -std::numeric_limits<double>::infinity();  // of rows from `start` on
   double forth = 0;
   std::size_t start = 0;
   std::size_t work = 0;
   const std::size_t enough = 32 * rows.size();  // in a log without any order there is nothing
+  std::set<Subject> ever;                       // links of rows before `told`
+  std::size_t told = 0;
   for (std::size_t i = 0; i < rows.size() && work <= enough; ++i) {
     const double t = rows[i].t;
     Before before;
     Meaning meaning = Meaning::kNothing;
     if (i > start && t < rows[i - 1].t) {
       meaning = meaning_of(rows, start, i, newest, before, work);
+      if (meaning == Meaning::kPart) {
+        // Links that were heard before, as by another gateway, go on with what comes.
+        for (; told < i; ++told) ever.insert(rows[told].link);
+        const Rows here = rows.subspan(i, std::min(kLookedAt, rows.size() - i));
+        const auto is_new = [&](const Stamp& row) { return !ever.contains(row.link); };
+        if (2 * static_cast<std::size_t>(std::ranges::count_if(here, is_new)) < here.size()) {
+          meaning = Meaning::kNothing;
+        }
+      }
     } else if (i > start && set_forward_at(rows, start, i, newest)) {
       meaning = Meaning::kReset;
       before = told_before(rows, start, i, newest, work);

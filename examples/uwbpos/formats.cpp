@@ -70,11 +70,18 @@ void mend_clock(Log<T>& log) {
   }
   for (std::size_t i = 0; i < moved.size(); ++i) log.rows[i].t += moved[i];
   double before = 0;
+  std::vector<ClockReset>& resets = log.counts.clock_resets;
   for (const ClockStep& step : steps) {
-    if (step.is_reset)
-      log.counts.clock_resets.push_back({log.rows[step.row].t, step.forth - before});
+    const ClockReset reset{log.rows[step.row].t, step.forth - before};
     before = step.forth;
+    // Tags that stand one after the other tell of the same one each.
+    constexpr double near = 1;  // [s]
+    const auto same = [&](const ClockReset& other) {
+      return std::abs(other.t - reset.t) < near && std::abs(other.back - reset.back) < near;
+    };
+    if (step.is_reset && std::ranges::none_of(resets, same)) resets.push_back(reset);
   }
+  std::ranges::sort(resets, {}, &ClockReset::t);
 }
 
 // Sorts rows by time; counts those outside the reordering window.

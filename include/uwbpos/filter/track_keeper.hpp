@@ -154,6 +154,7 @@ class TrackKeeper {
 
   // Begins a track at the last event if the recent ones agree on a place.
   [[nodiscard]] bool begin() {
+    missing_ = Error::NotYetLocated;
     const std::int64_t time = window_.events().back().time;
     const S bias = Size.biases > 0 ? options_.model.bias_sigma : S(0);
     const auto set = gather_first_readings<S>(window_.events(), options_.fix_window,
@@ -196,7 +197,6 @@ class TrackKeeper {
                                              window_.events());
     now_ = tracking_ ? std::max(now_, time) : time;
     tracking_ = true;
-    missing_ = Error::NotYetLocated;
     pace_.restart();
     window_.restart();
     watch_.reset(time);

@@ -3,15 +3,15 @@
 #include "uwbpos/core/macros_off.hpp"
 
 /// @file
-/// How high a tag is above or below anchors that all lie in one plane (in one line, in the plane),
-/// when it is near it. A range depends on the height h by u = h² alone, ∂r/∂u = 1/(2 r), so that
-/// near h = 0 no more is known of h to first order: what is known is u ± σ, from a linear solution
-/// K of the place x in the plane, what else is unknown, and u. Where 4 h² < σ,
-/// \f[ \mathrm{var}\,h = \sigma, \qquad C \leftarrow C + d\,d^T e, \quad d = K_{xu} / \sigma^2,
-///     \qquad (1) \f]
-/// with e what u may depart from h² beyond what J says already: σ² · σ/(4h² + σ), and where the
-/// minimum is the plane itself and the linear solution has u < 0, what a normal distribution cut
-/// off at zero leaves of σ²: 2/(2 + 1.1 |z| + z²) of it, to 5 %, z = u/σ.
+/// How high a tag is above or below anchors that all lie in one plane (in one line, in the plane).
+/// A range depends on the height h by u = h² alone, ∂r/∂u = 1/(2 r), so that near h = 0 no more is
+/// known of h to first order: what is known is u ± σ, from a linear solution K of the place x in
+/// the plane, what else is unknown, and u. A covariance C of the first order becomes
+/// \f[ C + d\,d^T e, \qquad d = K_{xu} / \sigma^2, \qquad (1) \f]
+/// with e what u may depart from h² beyond what J says already. Where 4 h² < σ, var h = σ, and e =
+/// σ² · σ/(4h² + σ); where the minimum is the plane itself and the linear solution has u < 0, what
+/// a normal distribution cut off at zero leaves of it: 2/(2 + 1.1 |z| + z²) to 5 %, z = u/σ.
+/// Elsewhere e = 2 (σ²/4h²)², the variance of (δh)².
 
 #include <algorithm>
 #include <cmath>
@@ -21,7 +21,7 @@
 
 namespace uwbpos {
 
-/// What is known of the height near flat anchors; of N unknowns, the first D a place.
+/// What is known of the height beside flat anchors; of N unknowns, the first D a place.
 template <class S, int N>
 struct FlatHeight {
   S information = S(0);  ///< of h beside J, zero far from the plane [1/m²]
@@ -49,12 +49,15 @@ template <class S, int D, int N>
   const S variance = column[N - 1];
   const S sigma = std::sqrt(variance);
   const S square = S(4) * height * height;
-  if (!(square < sigma)) return known;
-  known.information = S(1) / sigma;
   for (int k = 0; k < N - 1; ++k) known.by_square[k] = column[k] / variance;
-  const S z = std::min(factor.solve(pull)[N - 1] / sigma, S(0));
-  const S left = S(2) / (S(2) - S(1.1) * z + z * z);
-  known.spread = variance * left * sigma / (square + sigma);
+  if (square < sigma) {
+    known.information = S(1) / sigma;
+    const S z = std::min(factor.solve(pull)[N - 1] / sigma, S(0));
+    const S left = S(2) / (S(2) - S(1.1) * z + z * z);
+    known.spread = variance * left * sigma / (square + sigma);
+  } else {
+    known.spread = S(2) * (variance / square) * (variance / square);
+  }
   return known;
 }
 

@@ -7,33 +7,57 @@
 /// is known of the height near the plane (flat_height.hpp).
 
 #include <algorithm>
+#include <utility>
 
 #include "uwbpos/solve/flat_height.hpp"
 #include "uwbpos/solve/pseudorange_descent.hpp"
 
 namespace uwbpos {
 
-/// What is known of the height of a minimum near flat anchors, and how place and bias depend on it.
-/// O(n·D² + D³), no allocation.
+/// What is known of the height of a minimum beside flat anchors, and how place and bias depend on
+/// its square. The bias is eliminated first: unit vectors of a tag far off differ by little. O(n·D²
+/// + D³), no allocation.
 template <class S, int D, PseudorangeView<S, D> V>
 [[nodiscard]] FlatHeight<S, D + 1> height_at(const V& view, const PseudorangeRoots<S, D>& roots,
                                              const PseudorangeMinimum<S, D>& minimum) {
-  constexpr int N = D + 2;
-  Mat<S, N> normal = Mat<S, N>::Zero();
-  Vec<S, N> pull = Vec<S, N>::Zero();
-  for (std::size_t i = 0; i < view.size(); ++i) {
-    const auto& r = view[i];
+  constexpr int N = D + 1;  // place, u
+  const auto row_of = [&](const auto& r) {
     const auto to = predict_range<S, D>(minimum.position, r.anchor - roots.center);
     Vec<S, N> row;
     for (int k = 0; k < D; ++k) row[k] = to.gradient[k];
-    row[D] = S(1);
-    row[D + 1] = S(0.5) / std::max(to.range, r.sigma);
-    const S weight = S(1) / (r.sigma * r.sigma);
-    add_outer<S, N>(normal, row, weight);
-    const S e = ((r.range - roots.mean_pseudorange) - to.range) - minimum.profile.bias;
-    pull += row * (weight * e);
+    row[D] = S(0.5) / std::max(to.range, r.sigma);
+    return std::pair{row,
+                     S(((r.range - roots.mean_pseudorange) - to.range) - minimum.profile.bias)};
+  };
+  const Vec<S, N> first = row_of(view[0]).first;
+  Vec<S, N> mean = Vec<S, N>::Zero();  // of what departs from the first
+  S total = S(0);
+  for (std::size_t i = 0; i < view.size(); ++i) {
+    const S weight = S(1) / (view[i].sigma * view[i].sigma);
+    mean += weight * (row_of(view[i]).first - first);
+    total += weight;
   }
-  return flat_height<S, D, N>(normal, pull, roots.across, dot(roots.across, minimum.position));
+  mean /= total;
+  Mat<S, N> normal = Mat<S, N>::Zero();
+  Vec<S, N> pull = Vec<S, N>::Zero();
+  for (std::size_t i = 0; i < view.size(); ++i) {
+    const auto [row, e] = row_of(view[i]);
+    const S weight = S(1) / (view[i].sigma * view[i].sigma);
+    const Vec<S, N> apart = (row - first) - mean;
+    add_outer<S, N>(normal, apart, weight);
+    pull += (weight * e) * apart;
+  }
+  const S height = dot(roots.across, minimum.position);
+  const FlatHeight<S, D> of_place = flat_height<S, D, N>(normal, pull, roots.across, height);
+  FlatHeight<S, D + 1> known{of_place.information, {}, of_place.spread};
+  // δb = −(ḡᵀ δp + t̄ δu).
+  S bias = -(first[D] + mean[D]);
+  for (int k = 0; k < D; ++k) {
+    known.by_square[k] = of_place.by_square[k];
+    bias -= (first[k] + mean[k]) * of_place.by_square[k];
+  }
+  known.by_square[D] = known.spread > S(0) ? bias : S(0);
+  return known;
 }
 
 /// The mirror image of a minimum of flat anchors, which is another. O(D³).

@@ -98,10 +98,14 @@ template <class S, int D, PseudorangeView<S, D> V>
   if (roots->count > 0) first = pseudorange_minimum<S, D>(view, *roots, 0);
   if (flat && !first) {
     // Beside flat anchors noise sends roots far off: from the middle, aside of it.
-    Vec<S, D + 1> middle = Vec<S, D + 1>::Zero();
-    middle.template head<D>() = S(0.25) * roots->largest * roots->across;
-    const auto found = descend_pseudoranges<S, D>(view, *roots, middle);
-    if (found && is_believable(found->profile.normal.chi_squared, freedom)) first = found;
+    for (const S aside : {S(0.25), S(1), S(0.5), S(0.05)}) {
+      Vec<S, D + 1> middle = Vec<S, D + 1>::Zero();
+      middle.template head<D>() = aside * roots->largest * roots->across;
+      const auto found = descend_pseudoranges<S, D>(view, *roots, middle);
+      if (!found || !is_believable(found->profile.normal.chi_squared, freedom)) continue;
+      first = found;
+      break;
+    }
   }
   if (roots->count < 2 && (!flat || !first)) {
     if (!first) return std::unexpected(first.error());

@@ -63,7 +63,7 @@ template <class S>
   if (spans && least >= (x + y) * S(0)) return Result<Vec<S, 2>>{std::in_place, x, y};
   Vec<S, 9> known;
   known << first.anchor, second.anchor, third.anchor, first.range, second.range, third.range;
-  return detail::doubtful_position<S>(known, !spans, {x, y});
+  return detail::doubtful_position<S>(known, !spans && std::isfinite(bb + cc), {x, y});
 }
 
 /// (000-16): anchors at (0, 0), (x2, 0) and (0, y3) at ranges d1, d2, d3 [m]:
