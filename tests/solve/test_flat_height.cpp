@@ -76,6 +76,34 @@ TEST_CASE_TEMPLATE("flat height: below a ceiling differences give a fix, as hone
   }
 }
 
+TEST_CASE_TEMPLATE(
+    "flat height: beside the anchors, where all hangs on the height, few are refused", S, float,
+    double) {
+  sim::Random random{"beside a ceiling"};
+  for (const double below : {0.05, 1.0, 2.5}) {
+    CAPTURE(below);
+    constexpr int trials = 500;
+    int refused = 0;
+    int far = 0;
+    double joint = 0;
+    for (int trial = 0; trial < trials; ++trial) {
+      const Vec<double, 3> tag{random.uniform(11, 14), random.uniform(2, 5), 3 - below};
+      const auto fix = by_differences(below_ceiling<S>(tag, random), {.side = {0, 0, -1}});
+      if (!fix) {
+        ++refused;
+        continue;
+      }
+      const double square =
+          test::normalised_squared_error<S, 3>(fix->position, fix->covariance, tag);
+      joint += square / 3;
+      far += square > 16.3 ? 1 : 0;  // one in a thousand
+    }
+    CHECK(refused * 12 <= trials);
+    CHECK(joint / trials < 1.1);
+    CHECK(far <= 5);
+  }
+}
+
 TEST_CASE_TEMPLATE("flat height: the side picks the image, where noise leaves one root, too", S,
                    float, double) {
   sim::Random random{"sides of a ceiling"};
