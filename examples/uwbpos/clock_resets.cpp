@@ -221,7 +221,8 @@ bool plausible(const std::vector<ClockStep>& steps, Rows rows) {
     }
     const bool overflow = rows[step.row].t - lowest < 0.1 * (highest - lowest);
     if (!step.is_reset || overflow) continue;
-    if (++resets > few && last - since < often * resets) return false;
+    ++resets;
+    if (resets > few && last - since < often * resets) return false;
   }
   return true;
 }

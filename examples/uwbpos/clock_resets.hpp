@@ -35,7 +35,7 @@ struct ClockStep {
 /// a clock's own overflow are none. Set forward it is believed beyond three years, where nothing
 /// else could be meant. Times go on by the usual step of each link. O(n log n), of a log without
 /// any order too.
-[[nodiscard]] std::vector<ClockStep> find_clock_steps(const std::vector<Stamp>& rows);
+[[nodiscard]] std::vector<ClockStep> find_clock_steps(const std::vector<Stamp>& stamps);
 
 /// One of several logs.
 struct LogClock {

@@ -150,7 +150,7 @@ inline constexpr int kErrorCount = static_cast<int>(Error::InvalidTable) + 1;
     case Error::BaselineMismatch:
       return "the tags' distance departs from the known baseline beyond noise";
     case Error::HeadingUndetermined:
-      return "nothing tells the heading: it takes tags apart, a measured heading, or one known beforehand";
+      return "nothing tells the heading: it takes tags apart, a measured one, or one known before";
     case Error::BearingUndefined:
       return "a target in the robot's own place has no bearing";
     case Error::UnknownAnchor:
