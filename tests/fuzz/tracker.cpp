@@ -274,8 +274,10 @@ class Watched {
     }
     const auto pose = tracker_.pose();
     if (!pose) {
-      require(pose.error() == (tracker_.tracking() ? Error::TrackLost : Error::NotYetLocated),
-              "why there is no pose");
+      const bool lost = pose.error() == Error::TrackLost;
+      const bool begins = pose.error() == Error::NotYetLocated ||
+                          (Motion::kHasHeading && pose.error() == Error::HeadingUndetermined);
+      require(tracker_.tracking() ? lost : begins, "why there is no pose");
       return;
     }
     check_pose(*pose);
