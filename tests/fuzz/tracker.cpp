@@ -239,8 +239,8 @@ class Watched {
     }
     if (!moved) {
       const Error error = moved.error();
-      require(error == Error::NotYetLocated || error == Error::TimeNotIncreasing ||
-                  error == Error::TrackLost,
+      require(error == Error::NotYetLocated || error == Error::HeadingUndetermined ||
+                  error == Error::TimeNotIncreasing || error == Error::TrackLost,
               "why no pose is told");
     }
     if (moved) last_.reset();  // who asks may go back, to the last measurement
