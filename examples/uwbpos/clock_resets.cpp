@@ -24,10 +24,7 @@ constexpr std::size_t kLookedAt = 32;  // rows whose order is looked at
 constexpr double kForth = 1e8;         // a step forward that nothing else explains [s]
 
 double usual_step(Rows rows) {
-  std::vector<double> steps;
-  for (std::size_t i = 1; i < rows.size(); ++i) {
-    if (rows[i].t > rows[i - 1].t) steps.push_back(rows[i].t - rows[i - 1].t);
-  }
+  std::vector<double> steps = steps_forward(rows, &Stamp::t);
   return steps.empty() ? 0 : median(std::move(steps));
 }
 
@@ -56,10 +53,7 @@ class Told {
   void add(double t, double value) { all_.emplace_back(t, value); }
   void finish() {
     std::ranges::sort(all_);
-    std::vector<double> steps;
-    for (std::size_t i = 1; i < all_.size(); ++i) {
-      if (all_[i].first > all_[i - 1].first) steps.push_back(all_[i].first - all_[i - 1].first);
-    }
+    const std::vector<double> steps = steps_forward(all_, &std::pair<double, double>::first);
     if (steps.empty()) return;
     step_ = median(steps);
     const auto usual = std::ranges::count_if(

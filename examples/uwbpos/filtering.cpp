@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <deque>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <numbers>
@@ -192,10 +193,7 @@ class RecoveryWatch {
 
 // From epoch to epoch, typically [s]; zero of a single one.
 double period_of(const Stream& stream) {
-  std::vector<double> steps;
-  for (std::size_t i = 1; i < stream.ends.size(); ++i) {
-    if (stream.ends[i] > stream.ends[i - 1]) steps.push_back(stream.ends[i] - stream.ends[i - 1]);
-  }
+  std::vector<double> steps = steps_forward(stream.ends, std::identity{});
   return steps.empty() ? 0 : median(std::move(steps));
 }
 
@@ -204,12 +202,8 @@ double pause_of(const Stream& stream) {
   constexpr double shortest = 0.5;
   constexpr double times = 10;
   constexpr double epochs = 1.5;
-  std::vector<double> steps;
-  for (std::size_t i = 1; i < stream.measurements.size(); ++i) {
-    const auto step = stream.measurements[i].time - stream.measurements[i - 1].time;
-    if (step > 0) steps.push_back(1e-6 * static_cast<double>(step));
-  }
-  const double quiet = steps.empty() ? 0 : times * median(std::move(steps));
+  std::vector<double> steps = steps_forward(stream.measurements, &TimedMeasurement::time);
+  const double quiet = steps.empty() ? 0 : times * 1e-6 * median(std::move(steps));
   return std::max({shortest, quiet, epochs * period_of(stream)});
 }
 

@@ -5,6 +5,7 @@
 /// Summaries of samples.
 
 #include <cstddef>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -21,6 +22,18 @@ namespace uwbpos::host {
 /// 1.4826 × the median absolute deviation: the standard deviation of a normal sample, whatever its
 /// few outliers are.
 [[nodiscard]] double robust_spread(std::vector<double> values);
+
+/// From each row to the next by `projection`, a number; steps of zero and back are left out.
+template <class Rows, class Projection>
+[[nodiscard]] std::vector<double> steps_forward(const Rows& rows, const Projection& projection) {
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    const auto from = std::invoke(projection, rows[i - 1]);
+    const auto to = std::invoke(projection, rows[i]);
+    if (to > from) steps.push_back(static_cast<double>(to - from));
+  }
+  return steps;
+}
 
 /// A sample of signed errors in brief.
 struct SampleSummary {

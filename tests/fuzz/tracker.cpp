@@ -180,6 +180,12 @@ class Watched {
 
   [[nodiscard]] Tracked& tracker() { return tracker_; }
 
+  // Why there is no track yet: no place, or no heading of a motion that has one.
+  [[nodiscard]] static bool is_beginning(Error error) {
+    return error == Error::NotYetLocated ||
+           (Motion::kHasHeading && error == Error::HeadingUndetermined);
+  }
+
   // Tells it and judges the answer, which is returned.
   typename Tracked::Told tell(const Message<S>& message) {
     const bool tracked = tracker_.tracking();
@@ -239,8 +245,7 @@ class Watched {
     }
     if (!moved) {
       const Error error = moved.error();
-      require(error == Error::NotYetLocated || error == Error::HeadingUndetermined ||
-                  error == Error::TimeNotIncreasing || error == Error::TrackLost,
+      require(is_beginning(error) || error == Error::TimeNotIncreasing || error == Error::TrackLost,
               "why no pose is told");
     }
     if (moved) last_.reset();  // who asks may go back, to the last measurement
@@ -275,9 +280,7 @@ class Watched {
     const auto pose = tracker_.pose();
     if (!pose) {
       const bool lost = pose.error() == Error::TrackLost;
-      const bool begins = pose.error() == Error::NotYetLocated ||
-                          (Motion::kHasHeading && pose.error() == Error::HeadingUndetermined);
-      require(tracker_.tracking() ? lost : begins, "why there is no pose");
+      require(tracker_.tracking() ? lost : is_beginning(pose.error()), "why there is no pose");
       return;
     }
     check_pose(*pose);

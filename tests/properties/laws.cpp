@@ -26,7 +26,7 @@ constexpr double kDouble = std::numeric_limits<double>::epsilon();
 // Of the four draws that measure the condition the largest is near the root of the sum of squares;
 // an adversary among ten measurements or so does three times as much, and the input is rounded some
 // times on its way: squares, differences, sums.
-constexpr double kRounding = 64;
+constexpr double kRounding = 16;
 constexpr int kDraws = 4;
 // Normal equations square the condition of a linear system, which here is up to the room's size
 // over half a metre, and the second of Chan's steps does not show it.
@@ -236,7 +236,7 @@ Verdict keeps(const Subject& subject, Scene scene, Law law) {
   if (!before && !after && before.error() == after.error()) return {};
   // What is ambiguous, negative or contradictory depends on the noise.
   if (law == Law::Noise) return {.decided = false};
-  const double touch = 64 * kSingle * std::max(largest(p), largest(q) / motion.scale) * p.squares;
+  const double touch = 8 * kSingle * std::max(largest(p), largest(q) / motion.scale) * p.squares;
   if (on_an_edge(subject, p, touch)) return {.decided = false};
   return {.fault = "before: " + told(before) + "; after: " + told(after)};
 }

@@ -42,6 +42,22 @@ Result<Fix<S, 3>> by_differences(const std::vector<RangeTo<S, 3>>& ranges,
   return locate(ranges[0].anchor, differences, static_cast<S>(kSigma), options);
 }
 
+// Fixes of tags that `draw` places, below by their side, to `take`; how many there are none of.
+template <class S, class Draw, class Take>
+int refused_of(int trials, sim::Random& random, const Draw& draw, const Take& take) {
+  int refused = 0;
+  for (int trial = 0; trial < trials; ++trial) {
+    const Vec<double, 3> tag = draw();
+    const auto fix = by_differences(below_ceiling<S>(tag, random), {.side = {0, 0, -1}});
+    if (fix) {
+      take(*fix, tag);
+    } else {
+      ++refused;
+    }
+  }
+  return refused;
+}
+
 }  // namespace
 
 TEST_CASE_TEMPLATE("flat height: below a ceiling differences give a fix, as honest as it can be", S,
@@ -50,24 +66,21 @@ TEST_CASE_TEMPLATE("flat height: below a ceiling differences give a fix, as hone
   for (const double below : {0.05, 0.3, 0.6, 1.0, 1.5, 2.5}) {
     CAPTURE(below);
     constexpr int trials = 600;
-    int refused = 0;
     double in_plan = 0;
     double of_height = 0;
-    for (int trial = 0; trial < trials; ++trial) {
-      const Vec<double, 3> tag{random.uniform(3, 7), random.uniform(2, 6), 3 - below};
-      const auto fix = by_differences(below_ceiling<S>(tag, random), {.side = {0, 0, -1}});
-      if (!fix) {
-        ++refused;
-        continue;
-      }
-      CHECK(fix->position[2] <= S(3));
-      in_plan += test::normalised_squared_error<S, 2>(
-                     fix->position.template head<2>(),
-                     fix->covariance.template topLeftCorner<2, 2>(), tag.head<2>()) /
-                 2;
-      const double off = static_cast<double>(fix->position[2]) - tag[2];
-      of_height += off * off / static_cast<double>(fix->covariance(2, 2));
-    }
+    const auto draw = [&] {
+      return Vec<double, 3>{random.uniform(3, 7), random.uniform(2, 6), 3 - below};
+    };
+    const int refused =
+        refused_of<S>(trials, random, draw, [&](const Fix<S, 3>& fix, const Vec<double, 3>& tag) {
+          CHECK(fix.position[2] <= S(3));
+          in_plan += test::normalised_squared_error<S, 2>(
+                         fix.position.template head<2>(),
+                         fix.covariance.template topLeftCorner<2, 2>(), tag.head<2>()) /
+                     2;
+          const double off = static_cast<double>(fix.position[2]) - tag[2];
+          of_height += off * off / static_cast<double>(fix.covariance(2, 2));
+        });
     CHECK(refused * 200 <= trials);
     CHECK(in_plan / trials < 1.15);
     CHECK(in_plan / trials > 0.7);
@@ -83,21 +96,18 @@ TEST_CASE_TEMPLATE(
   for (const double below : {0.05, 1.0, 2.5}) {
     CAPTURE(below);
     constexpr int trials = 500;
-    int refused = 0;
     int far = 0;
     double joint = 0;
-    for (int trial = 0; trial < trials; ++trial) {
-      const Vec<double, 3> tag{random.uniform(11, 14), random.uniform(2, 5), 3 - below};
-      const auto fix = by_differences(below_ceiling<S>(tag, random), {.side = {0, 0, -1}});
-      if (!fix) {
-        ++refused;
-        continue;
-      }
-      const double square =
-          test::normalised_squared_error<S, 3>(fix->position, fix->covariance, tag);
-      joint += square / 3;
-      far += square > 16.3 ? 1 : 0;  // one in a thousand
-    }
+    const auto draw = [&] {
+      return Vec<double, 3>{random.uniform(11, 14), random.uniform(2, 5), 3 - below};
+    };
+    const int refused =
+        refused_of<S>(trials, random, draw, [&](const Fix<S, 3>& fix, const Vec<double, 3>& tag) {
+          const double square =
+              test::normalised_squared_error<S, 3>(fix.position, fix.covariance, tag);
+          joint += square / 3;
+          far += square > 16.3 ? 1 : 0;  // one in a thousand
+        });
     CHECK(refused * 12 <= trials);
     CHECK(joint / trials < 1.1);
     CHECK(far <= 5);
