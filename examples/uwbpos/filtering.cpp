@@ -245,7 +245,7 @@ class Follow {
       f.refusals.push_back({t, m.anchor_b, reason});
     }
     // A row told twice says nothing of its anchor.
-    if (verdict.refused == Error::TimeNotIncreasing) return;
+    if (verdict.is_repeat()) return;
     if (verdict.used || verdict.refused) {
       const auto tally_one = [&](Id anchor) {
         tally(anchor, verdict.used && verdict.disbelieved != anchor);

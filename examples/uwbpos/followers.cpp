@@ -19,9 +19,9 @@ namespace uwbpos::host {
 namespace {
 
 constexpr int kMostAnchors = 256;
-// A lie is metres long and stays as it is: it wanders by a decimetre a second.
-constexpr double kLie = 3;          // [m]
-constexpr double kLieTime = 2'000;  // [s]
+// A lie is metres long and stays as it is: it wanders by a centimetre a second.
+constexpr double kLie = 3;            // [m]
+constexpr double kLieTime = 200'000;  // [s]
 
 Rotation rotation_of(const Quaternion<double>& q) { return {q[1], q[2], q[3], q[0]}; }
 

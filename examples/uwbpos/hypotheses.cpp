@@ -17,6 +17,7 @@ constexpr double kOutlierShare = 0.05;  // ε
 constexpr double kCorrelated = 10;      // successive errors of a link that are as good as one
 constexpr double kOutlierWidth = 10;    // w [m]
 constexpr double kLateStart = 50;       // what a track that begins later is behind the best
+constexpr double kDecided = 30;         // by such a score it is known which anchor lies
 constexpr std::int64_t kSecond = 1'000'000;
 constexpr std::int64_t kRemembered = 10 * kSecond;
 constexpr std::size_t kMostRemembered = 30'000;
@@ -69,14 +70,22 @@ void feed(const std::vector<std::unique_ptr<Hypothesis>>& hypotheses, const Time
     if (h->asleep) continue;
     const Verdict verdict = h->take(m);
     if (verdict.met_track && h->tracking()) {
-      h->score = kept * h->score + log_likelihood(verdict);
+      h->score *= kept;
+      if (!verdict.is_repeat()) {
+        h->score += log_likelihood(verdict);
+        ++h->met;
+        if (!verdict.used) ++h->refused;
+      }
       leading = std::max(leading, h->score);
     } else if (h->tracking()) {
       fresh.push_back(h.get());
     }
     told(*h, verdict);
   }
-  for (Hypothesis* h : fresh) h->score = std::isfinite(leading) ? leading - kLateStart : 0;
+  for (Hypothesis* h : fresh) {
+    h->late = std::isfinite(leading) ? kLateStart : 0;
+    h->score = std::isfinite(leading) ? leading - kLateStart : 0;
+  }
 }
 
 }  // namespace
@@ -222,12 +231,12 @@ void HypothesisBank::choose() {
 
 Verdict HypothesisBank::take(const TimedMeasurement& m) {
   const Hypothesis* const judge = best_;
-  if (judge != nullptr) ++met_;
   Verdict told;
   feed(all_, m, m.time - last_, [&](Hypothesis& h, const Verdict& verdict) {
     if (judge == nullptr ? &h == all_.front().get() : &h == judge) told = verdict;
-    if (&h == listener_ && verdict.met_track) note_of_listener(m, verdict);
+    if (&h == listener_ && verdict.met_track && !verdict.is_repeat()) note_of_listener(m, verdict);
   });
+  if (judge != nullptr && !told.is_repeat()) ++met_;
   last_ = std::max(last_, m.time);
   remember({m.time, m});
   choose();
@@ -350,24 +359,37 @@ void HypothesisBank::judge_anchors(std::int64_t time) {
 }
 
 bool HypothesisBank::disputed(std::int64_t time) {
-  constexpr std::int64_t longest = kSecond;
+  constexpr std::int64_t longest = 2 * kSecond;
+  if (settled_) return false;
+  // Which anchor lies, a body that stands may leave open for long; that none does is soon believed.
+  const std::size_t anchors = options_.anchors.size();
+  const bool soon = time - begun_ <= longest || met_ < 5 * anchors;
+  constexpr std::size_t share = 6;
+  const bool misled = share * best_->refused > best_->met;
+  const bool open = (soon && misled) || ((soon || best_->doubts()) && has_rival(time));
+  settled_ = !soon && !open;
+  return open;
+}
+
+bool HypothesisBank::has_rival(std::int64_t time) {
   constexpr double apart = 0.5;  // [m]
   constexpr double sigmas = 2.5;
-  constexpr double decided = 30;  // in score
   const std::size_t anchors = options_.anchors.size();
-  if (time - begun_ > longest && met_ >= 5 * anchors) return false;
   // One that does without an anchor may need a few more measurements to begin.
-  if (options_.motion != BodyMotion::kPlanarBody &&
-      (time - begun_ < kSecond / 2 || met_ < 2 * anchors) && anchors <= kMostSuspects &&
-      ((time - begun_ < kSecond / 8 && met_ < 2 * anchors) ||
-       std::ranges::any_of(
-           all_, [](const auto& h) { return h->suspicious && !h->asleep && !h->tracking(); }))) {
+  if (options_.motion != BodyMotion::kPlanarBody && anchors <= kMostSuspects &&
+      (met_ < 2 * anchors ||
+       (time - begun_ < kSecond / 2 &&
+        std::ranges::any_of(
+            all_, [](const auto& h) { return h->suspicious && !h->asleep && !h->tracking(); })))) {
     return true;
   }
   const auto mine = best_->at(time);
   if (!mine) return false;
+  // What one has foretold since it began: to begin later is no fault yet.
+  const auto foretold = [](const Hypothesis& h) { return h.score + h.late; };
   return std::ranges::any_of(all_, [&](const auto& h) {
-    if (!h->suspicious || !stands(*h) || best_->score - h->score > decided) return false;
+    if (!h->suspicious || !stands(*h)) return false;
+    if (foretold(*best_) - foretold(*h) > kDecided) return false;
     const auto other = h->at(time);
     if (!other) return false;
     const double spread = std::sqrt(mine->covariance.trace() + other->covariance.trace());
@@ -458,6 +480,9 @@ Result<Estimate> HypothesisBank::at(std::int64_t time) {
       if (h->suspicious && !best_->suspicious) continue;
       const double weight = std::exp(credit(*h) - credit(*leader));
       if (weight < 1e-3) continue;
+      // Of who lies there is no mean.
+      const bool agree = h->ignored == best_->ignored && h->liar == best_->liar;
+      if (!agree && best_->score - h->score > kDecided) continue;
       auto e = h.get() == best_ ? best : h->at(time);
       if (!e) continue;
       // One that knows no attitude has the tag for the body.

@@ -72,6 +72,7 @@ class HypothesisBank {
   void ignore_liars();
   void note_of_listener(const TimedMeasurement& m, const Verdict& verdict);
   [[nodiscard]] bool disputed(std::int64_t time);
+  [[nodiscard]] bool has_rival(std::int64_t time);
   void rest(std::int64_t time);
   void weed(std::int64_t time);
   void restart_inertial();
@@ -100,6 +101,7 @@ class HypothesisBank {
   std::deque<Heard> history_;  // of the last seconds
   std::size_t restarts_ = 0;
   bool fed_by_unit_ = false;
+  bool settled_ = false;  // who lies, if anyone does, to begin with
 };
 
 }  // namespace uwbpos::host

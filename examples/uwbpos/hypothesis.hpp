@@ -51,6 +51,9 @@ struct Verdict {
   std::optional<Id> disbelieved = std::nullopt;
   bool began = false;     ///< a track began
   bool reopened = false;  ///< the gate had locked the filter out
+
+  /// Whether the same was heard before.
+  [[nodiscard]] bool is_repeat() const { return refused == Error::TimeNotIncreasing; }
 };
 
 /// A hypothesis.
@@ -77,13 +80,17 @@ class Hypothesis {
   /// The same hypothesis before it heard anything.
   [[nodiscard]] virtual std::unique_ptr<Hypothesis> anew() const = 0;
 
-  /// Whether it does not believe an anchor as it stands.
+  /// Whether it does not believe an anchor, this one or any, as it stands.
   [[nodiscard]] bool doubts(Id anchor) const { return ignored.contains(anchor) || liar == anchor; }
+  [[nodiscard]] bool doubts() const { return liar || !ignored.empty(); }
 
   std::optional<Id> liar;   ///< an anchor that lies by a length that it estimates
   std::set<Id> ignored;     ///< anchors that it does not listen to
   bool suspicious = false;  ///< holds one anchor, or none, to lie, whatever the others hold
   double score = 0;         ///< (1) of hypotheses.hpp
+  std::size_t met = 0;      ///< measurements since it began, without repeats
+  std::size_t refused = 0;  ///< of these, by it
+  double late = 0;          ///< what `score` is lower for having begun later than others
   double handicap = 0;      ///< how much less it is believed beforehand than the first
   /// Nothing is told to it before it is begun anew at this time [µs]; it was hopeless.
   std::optional<std::int64_t> asleep = std::nullopt;

@@ -145,9 +145,9 @@ TEST_CASE("filtering: a drone's inertial unit helps, by ranges and by difference
     drone.measure(differences);
     const Replay without = drone.filtered(false);
     const Replay with = drone.filtered(true);
-    CHECK(without.all.solved + 1 >= without.all.epochs);
+    CHECK(without.all.solved + 3 >= without.all.epochs);
     REQUIRE(with.body);
-    CHECK(with.body->track.size() + 1 >= with.body->epochs);
+    CHECK(with.body->track.size() + 3 >= with.body->epochs);
     MESSAGE("rmse " << without.all.error.rmse << " m without, " << with.body->error.rmse
                     << " m with the unit; heading "
                     << radians_to_degrees(with.body->heading_error.rmse) << " deg");
@@ -249,7 +249,8 @@ double harmed_rmse(const Files& files, std::vector<std::string> words, const cha
   REQUIRE(run_with(words) == kSuccess);
   const Json summary = Json::parse(files.read("harmed/summary.json"));
   const Json& filter = summary.at("filter");
-  CHECK(filter.at("first_pose_after_s").get<double>() < 1);
+  // Who lies must be known first.
+  CHECK(filter.at("first_pose_after_s").get<double>() < (harm == Harm::kLiar ? 2 : 1));
   const Json liar = Json::array({kLiarId});
   CHECK(filter.at("guilty_anchors") == (harm == Harm::kLiar ? liar : Json::array()));
   if (harm == Harm::kSilence || harm == Harm::kClockReset || harm == Harm::kClockStep) {
@@ -325,40 +326,83 @@ TEST_CASE("filtering: outliers, a liar, silence, a clock set back: within twice 
   }
 }
 
-TEST_CASE("filtering: of differences that share a reference, any anchor that lies is found") {
-  const Files files;
-  const std::string logs = files.path("logs").string();
-  REQUIRE(run_with({"simulate", "--tdoa", "--second-height", "0.3", "--out", logs}) == kSuccess);
-  const auto log = [&](const char* name) { return logs + "/" + name; };
-  Problems problems;
-  const auto rows = read_tdoa(log("tdoa.csv"), problems).rows;
-  REQUIRE(rows.front().anchor_a == 1);
-  const auto summary = [&](Id liar, double lie) {
+namespace {
+
+// Simulated differences, one of whose anchors may lie, as `replay --filter` follows them.
+class LiedAbout {
+ public:
+  LiedAbout(const Files& files, std::vector<std::string> how) : files_{files} {
+    const std::vector<std::string> what{"simulate", "--tdoa", "--out", files.path("logs").string()};
+    how.insert(how.begin(), what.begin(), what.end());
+    REQUIRE(run_with(how) == kSuccess);
+    Problems problems;
+    rows = read_tdoa(log("tdoa.csv"), problems).rows;
+    REQUIRE_FALSE(rows.empty());
+  }
+
+  // summary.json where `liar` is off by `lie`.
+  [[nodiscard]] Json summary(Id liar, double lie) const {
     std::string text = "t_s,tag_id,anchor_id_a,anchor_id_b,difference_m\n";
     for (const Difference& row : rows) {
       const double off = (row.anchor_b == liar ? lie : 0) - (row.anchor_a == liar ? lie : 0);
       text += fmt::format("{:.4f},{},{},{},{:.4f}\n", row.t, row.tag, row.anchor_a, row.anchor_b,
                           row.difference + off);
     }
-    REQUIRE(run_with({"replay", "--filter", "--anchors", log("anchors.csv"), "--truth",
-                      log("truth.tum"), "--height", "1", "--tdoa",
-                      files.write("lies.csv", text).string(), "--out",
-                      files.path("lies").string()}) == kSuccess);
-    return Json::parse(files.read("lies/summary.json"));
-  };
+    REQUIRE(run_with({"replay", "--filter", "--anchors", log("anchors.csv").string(), "--truth",
+                      log("truth.tum").string(), "--height", "1", "--tdoa",
+                      files_.write("lies.csv", text).string(), "--out",
+                      files_.path("lies").string()}) == kSuccess);
+    return Json::parse(files_.read("lies/summary.json"));
+  }
+
+  std::vector<Difference> rows;
+
+ private:
+  [[nodiscard]] std::filesystem::path log(const char* name) const {
+    return files_.path("logs") / name;
+  }
+
+  const Files& files_;
+};
+
+}  // namespace
+
+TEST_CASE("filtering: of differences that share a reference, any anchor that lies is found") {
+  const Files files;
+  const LiedAbout logs{files, {"--second-height", "0.3"}};
+  REQUIRE(logs.rows.front().anchor_a == 1);
   const auto rmse = [](const Json& of) {
     return of.at("filter").at("settled_rmse_m").get<double>();
   };
-  const Json clean = summary(0, 0);
+  const Json clean = logs.summary(0, 0);
   CHECK(clean.at("filter").at("guilty_anchors").empty());
   for (const auto& [liar, lie] :
        {std::pair{Id{1}, 2.0}, std::pair{Id{1}, -2.0}, std::pair{Id{4}, 2.0}}) {
     CAPTURE(liar);
     CAPTURE(lie);
-    const Json lied = summary(liar, lie);
+    const Json lied = logs.summary(liar, lie);
     CHECK(lied.at("filter").at("guilty_anchors") == Json::array({liar}));
     MESSAGE("rmse " << rmse(clean) << " m clean, " << rmse(lied) << " m with a liar");
     CHECK(rmse(lied) < 2 * rmse(clean));
+    if (kSanitized) break;
+  }
+}
+
+TEST_CASE("filtering: of random pairs, no pose is told before it is known which anchor lies") {
+  // Ten a second: a handful of them fits a wrong place.
+  const Files files;
+  for (const auto& [seed, liar] : {std::pair{"11", Id{8}}, std::pair{"22", Id{4}},
+                                   std::pair{"23", Id{1}}, std::pair{"26", Id{1}}}) {
+    CAPTURE(seed);
+    const LiedAbout logs{files, {"--pairs", "--seed", seed}};
+    const Json clean = logs.summary(0, 0);
+    CHECK(clean.at("filter").at("guilty_anchors").empty());
+    const Json lied = logs.summary(liar, -2);
+    CHECK(lied.at("filter").at("guilty_anchors") == Json::array({liar}));
+    const double clean_rmse = clean.at("error_m").at("rmse").get<double>();
+    const double lied_rmse = lied.at("error_m").at("rmse").get<double>();
+    MESSAGE("rmse " << clean_rmse << " m clean, " << lied_rmse << " m with a liar");
+    CHECK(lied_rmse < 2 * clean_rmse);
     if (kSanitized) break;
   }
 }
@@ -672,13 +716,10 @@ TEST_CASE("filtering: one of four anchors that lies is named, and its lie estima
     for (Reading& r : harmed.readings) r.range += r.anchor == liar ? 2 : 0;
     const Replay result = replay_filtered(settings, harmed);
     CHECK(guilty_anchors(*result.filtering) == std::vector<Id>{liar});
-    Recording without = recording;
-    without.site.anchors.erase(liar);
-    std::erase_if(without.readings, [&, id = liar](const Reading& r) { return r.anchor == id; });
-    const double ideal = replay_filtered(settings, without).all.error.rmse;
-    MESSAGE("anchor " << liar << " lies: " << result.all.error.rmse << " m, without it " << ideal
-                      << " m, clean " << clean << " m");
-    CHECK(result.all.error.rmse < std::max(1.25 * ideal, 2 * clean));
+    MESSAGE("anchor " << liar << " lies: " << result.all.error.rmse << " m, clean " << clean
+                      << " m, " << result.all.solved << " epochs");
+    CHECK(result.all.error.rmse < 2 * clean);
+    CHECK(20 * (result.all.epochs - result.all.solved) < result.all.epochs);
   }
 }
 
