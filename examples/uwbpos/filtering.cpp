@@ -244,9 +244,9 @@ class Follow {
       ++f.refused[std::string{reason_name(reason)}];
       f.refusals.push_back({t, m.anchor_b, reason});
     }
-    // A row told twice says nothing of its anchor.
+    // A row told twice says nothing of its anchor, nor one before it is known who lies.
     if (verdict.is_repeat()) return;
-    if (verdict.used || verdict.refused) {
+    if (bank_.settled() && (verdict.used || verdict.refused)) {
       const auto tally_one = [&](Id anchor) {
         tally(anchor, verdict.used && verdict.disbelieved != anchor);
       };
@@ -274,7 +274,7 @@ class Follow {
     Outcome& outcome = replay_.of_tag[tag_];
     ++outcome.epochs;
     if (!estimate) {
-      ++outcome.rejected[std::string{reason_name(estimate.error())}];
+      ++outcome.rejected[why_none(estimate.error())];
       return;
     }
     ++outcome.solved;
@@ -288,6 +288,11 @@ class Follow {
   }
 
  private:
+  // A bank's only ambiguity.
+  static std::string why_none(Error error) {
+    return std::string{error == Error::AmbiguousSolution ? "liar_unknown" : reason_name(error)};
+  }
+
   void tally(Id anchor, bool used) {
     AnchorTally& tally = replay_.filtering->of_anchor[anchor];
     ++(used ? tally.used : tally.refused);
@@ -307,7 +312,7 @@ class Follow {
   void end_body_epoch(double t, const Result<Estimate>& estimate) {
     Body& body = *replay_.body;
     ++body.epochs;
-    if (!estimate) ++body.rejected[std::string{reason_name(estimate.error())}];
+    if (!estimate) ++body.rejected[why_none(estimate.error())];
     if (estimate) {
       constexpr double guessed = 0.35;  // [rad]
       SolvedPose solved{t, {}, 0, 0, 0, false, std::nullopt};
@@ -327,7 +332,7 @@ class Follow {
     for (auto& [tag, outcome] : replay_.of_tag) {
       ++outcome.epochs;
       if (!estimate) {
-        ++outcome.rejected[std::string{reason_name(estimate.error())}];
+        ++outcome.rejected[why_none(estimate.error())];
         continue;
       }
       ++outcome.solved;

@@ -19,9 +19,7 @@ namespace uwbpos::host {
 namespace {
 
 constexpr int kMostAnchors = 256;
-// A lie is metres long and stays as it is: it wanders by a centimetre a second.
-constexpr double kLie = 3;            // [m]
-constexpr double kLieTime = 200'000;  // [s]
+constexpr double kLie = 3;  // a lie is metres long
 
 Rotation rotation_of(const Quaternion<double>& q) { return {q[1], q[2], q[3], q[0]}; }
 
@@ -67,7 +65,7 @@ class Follower final : public Hypothesis {
     liar = suspected;  // NOLINT(cppcoreguidelines-prefer-member-initializer): a base's
     if (Biases > 0) {
       options_.model.bias_sigma = liar ? kLie : noise.bias * bank.sigma;
-      options_.model.bias_time = liar ? kLieTime : noise.bias_time;
+      options_.model.bias_time = liar ? noise.lie_time : noise.bias_time;
     }
     make();
   }

@@ -17,6 +17,7 @@ constexpr double kOutlierShare = 0.05;  // ε
 constexpr double kCorrelated = 10;      // successive errors of a link that are as good as one
 constexpr double kOutlierWidth = 10;    // w [m]
 constexpr double kLateStart = 50;       // what a track that begins later is behind the best
+constexpr double kConvicted = 5;        // in credit, what is known beforehand counts for
 constexpr double kDecided = 30;         // by such a score it is known which anchor lies
 constexpr std::int64_t kSecond = 1'000'000;
 constexpr std::int64_t kRemembered = 10 * kSecond;
@@ -27,12 +28,13 @@ constexpr std::size_t kMostSuspects = 16;  // of more anchors one misleads nobod
 // does: so many count as one, or the noise of correlated errors would pass for motion.
 double credit(const Hypothesis& h) { return h.score / kCorrelated - h.handicap; }
 
-// Whether what it estimates is a lie, not the small bias that any anchor has.
+// Whether what it estimates is a lie, not the small bias that any anchor has. Once it is known who
+// lied that does not matter.
 bool stands(const Hypothesis& h) {
   constexpr double least = 0.5;  // [m]
   constexpr double sigmas = 3;
   if (!h.tracking() || h.asleep) return false;
-  if (!h.liar) return true;
+  if (!h.liar || !h.suspicious) return true;
   const auto lie = h.lie();
   return lie && std::abs(lie->value) > least + sigmas * std::sqrt(lie->variance);
 }
@@ -121,6 +123,8 @@ void HypothesisBank::add_all() {
 }
 
 void HypothesisBank::add_suspicious() {
+  // One may begin to lie at any time: by a decimetre in the first second.
+  constexpr RadioNoise noise{.lie_time = 2'000};
   // Behind those that move alike.
   const double handicap = options_.motion == BodyMotion::kPlanarBody ? 15 : 3;
   if (options_.anchors.size() > kMostSuspects) return;
@@ -145,10 +149,10 @@ void HypothesisBank::add_suspicious() {
     for (const double acceleration : {0.5, 3.0}) {
       if (options_.motion == BodyMotion::kPointInPlane) {
         const ConstantVelocity<double, 2> motion{acceleration, options_.height};
-        add(follower(options_, motion, {}, liar), ignored);
+        add(follower(options_, motion, noise, liar), ignored);
       } else {
         const ConstantVelocity<double, 3> motion{acceleration, 0};
-        add(follower(options_, motion, {}, liar), ignored);
+        add(follower(options_, motion, noise, liar), ignored);
       }
     }
   };
@@ -224,8 +228,17 @@ void HypothesisBank::add_inertial() {
 
 void HypothesisBank::choose() {
   best_ = nullptr;
+  double most = 0;
   for (const auto& h : all_) {
-    if (stands(*h) && (best_ == nullptr || credit(*h) > credit(*best_))) best_ = h.get();
+    // Once it is known who lies, others follow that lie better.
+    if (h->suspicious && h->liar && h->liar == liar_) continue;
+    if (!stands(*h)) continue;
+    // Another is then suspected only with more reason.
+    const double with = credit(*h) - (h->suspicious && liar_ ? kConvicted : 0);
+    if (best_ == nullptr || with > most) {
+      best_ = h.get();
+      most = with;
+    }
   }
 }
 
@@ -236,6 +249,8 @@ Verdict HypothesisBank::take(const TimedMeasurement& m) {
     if (judge == nullptr ? &h == all_.front().get() : &h == judge) told = verdict;
     if (&h == listener_ && verdict.met_track && !verdict.is_repeat()) note_of_listener(m, verdict);
   });
+  heard_.insert(m.anchor_b);
+  if (m.is_difference) heard_.insert(m.anchor_a);
   if (judge != nullptr && !told.is_repeat()) ++met_;
   last_ = std::max(last_, m.time);
   remember({m.time, m});
@@ -358,31 +373,33 @@ void HypothesisBank::judge_anchors(std::int64_t time) {
   begin_anew();
 }
 
-bool HypothesisBank::disputed(std::int64_t time) {
+std::optional<Error> HypothesisBank::withheld(std::int64_t time) {
   constexpr std::int64_t longest = 2 * kSecond;
-  if (settled_) return false;
+  if (settled_) return std::nullopt;
   // Which anchor lies, a body that stands may leave open for long; that none does is soon believed.
-  const std::size_t anchors = options_.anchors.size();
-  const bool soon = time - begun_ <= longest || met_ < 5 * anchors;
+  const bool soon = time - begun_ <= longest || met_ < 5 * heard_.size();
   constexpr std::size_t share = 6;
   const bool misled = share * best_->refused > best_->met;
-  const bool open = (soon && misled) || ((soon || best_->doubts()) && has_rival(time));
-  settled_ = !soon && !open;
-  return open;
+  if (soon && (misled || is_early(time))) return Error::NotYetLocated;
+  if ((soon || best_->doubts()) && has_rival(time)) return Error::AmbiguousSolution;
+  settled_ = !soon;
+  return std::nullopt;
 }
 
-bool HypothesisBank::has_rival(std::int64_t time) {
+// One that does without an anchor may need a few more measurements to begin.
+bool HypothesisBank::is_early(std::int64_t time) const {
+  if (options_.motion == BodyMotion::kPlanarBody || options_.anchors.size() > kMostSuspects) {
+    return false;
+  }
+  return met_ < 2 * heard_.size() ||
+         (time - begun_ < kSecond / 2 &&
+          std::ranges::any_of(
+              all_, [](const auto& h) { return h->suspicious && !h->asleep && !h->tracking(); }));
+}
+
+bool HypothesisBank::has_rival(std::int64_t time) const {
   constexpr double apart = 0.5;  // [m]
   constexpr double sigmas = 2.5;
-  const std::size_t anchors = options_.anchors.size();
-  // One that does without an anchor may need a few more measurements to begin.
-  if (options_.motion != BodyMotion::kPlanarBody && anchors <= kMostSuspects &&
-      (met_ < 2 * anchors ||
-       (time - begun_ < kSecond / 2 &&
-        std::ranges::any_of(
-            all_, [](const auto& h) { return h->suspicious && !h->asleep && !h->tracking(); })))) {
-    return true;
-  }
   const auto mine = best_->at(time);
   if (!mine) return false;
   // What one has foretold since it began: to begin later is no fault yet.
@@ -400,12 +417,12 @@ bool HypothesisBank::has_rival(std::int64_t time) {
 void HypothesisBank::rest(std::int64_t time) {
   constexpr double hopeless = 100;
   constexpr std::int64_t pause = 5 * kSecond;
-  if (best_ == nullptr || time - begun_ < kSecond) return;
+  if (begun_ < 0 || time - begun_ < kSecond) return;
   for (auto& h : all_) {
     if (!h->suspicious || h.get() == best_) continue;
     if (h->asleep) {
       if (time >= *h->asleep) h = h->anew();
-    } else if (best_->score - h->score > hopeless) {
+    } else if (best_ != nullptr && best_->score - h->score > hopeless) {
       if (h.get() == listener_) listener_ = nullptr;
       h->asleep = time + pause;
     }
@@ -458,7 +475,8 @@ void HypothesisBank::weed(std::int64_t time) {
 }
 
 Result<Estimate> HypothesisBank::at(std::int64_t time) {
-  if (best_ == nullptr || disputed(time)) return std::unexpected(Error::NotYetLocated);
+  if (best_ == nullptr) return std::unexpected(Error::NotYetLocated);
+  if (const auto why = withheld(time)) return std::unexpected(*why);
   const Result<Estimate> best = best_->at(time);
   if (!best) return best;
   struct Weighed {

@@ -43,8 +43,12 @@ class HypothesisBank {
   Verdict take(const TimedMeasurement& m);
   void take(std::int64_t time, const InertialReading& sample);
 
-  /// All of them weighed, moments matched, at `time` [µs]. Errors: NotYetLocated, TrackLost.
+  /// All of them weighed, moments matched, at `time` [µs]. Errors: NotYetLocated, TrackLost;
+  /// AmbiguousSolution: one anchor lies or another, and the body is here or there.
   [[nodiscard]] Result<Estimate> at(std::int64_t time);
+
+  /// Whether it is known which anchor lies from the start, if one does.
+  [[nodiscard]] bool settled() const { return settled_; }
 
   /// As the best of them has it.
   [[nodiscard]] std::optional<Vec3> place(Id tag) const;
@@ -71,8 +75,9 @@ class HypothesisBank {
   void judge_anchors(std::int64_t time);
   void ignore_liars();
   void note_of_listener(const TimedMeasurement& m, const Verdict& verdict);
-  [[nodiscard]] bool disputed(std::int64_t time);
-  [[nodiscard]] bool has_rival(std::int64_t time);
+  [[nodiscard]] std::optional<Error> withheld(std::int64_t time);
+  [[nodiscard]] bool is_early(std::int64_t time) const;
+  [[nodiscard]] bool has_rival(std::int64_t time) const;
   void rest(std::int64_t time);
   void weed(std::int64_t time);
   void restart_inertial();
@@ -91,6 +96,7 @@ class HypothesisBank {
   Hypothesis* listener_ = nullptr;
   std::map<Id, AnchorRecord> records_;
   std::size_t met_ = 0;  // measurements since there was a track
+  std::set<Id> heard_;   // anchors
   std::int64_t last_ = 0;
   std::int64_t weeded_ = 0;
   std::int64_t restarted_ = 0;

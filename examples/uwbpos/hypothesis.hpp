@@ -117,6 +117,8 @@ struct RadioNoise {
   double white = 1;      ///< times the sigmas of what a tracker is fed
   double bias = 0;       ///< of links, times the typical sigma
   double bias_time = 0;  ///< in which they change [s]
+  /// In which an anchor's lie changes [s]: the default, by a centimetre in a second.
+  double lie_time = 200'000;
 };
 
 /// Hypotheses of a motion. `bank` must outlive them. With a `liar` the noise has no biases.

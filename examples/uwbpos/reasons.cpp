@@ -101,6 +101,9 @@ std::string_view reason_words(std::string_view name) {
     if (reason_name(error) == name) return describe(error);
   }
   if (name == "bias_not_settled") return "pose and the network's bias at it do not agree";
+  if (name == "liar_unknown") {
+    return "one anchor may lie or another, and which is not known yet: a tag that moves tells";
+  }
   if (name == "inconsistent") return "its measurements contradict one another beyond repair";
   if (name == "across_subnets") return "its two anchors belong to different subnets";
   return name;
