@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <fstream>
+#include <limits>
 #include <vector>
 
 #include <fmt/format.h>
@@ -22,7 +24,12 @@ void expect(bool truth, const char* what) {
 
 std::map<Id, std::size_t> places_of(const nlohmann::json& ids, std::size_t most, const char* what) {
   std::map<Id, std::size_t> places;
-  for (const auto& id : ids) places.emplace(id.get<Id>(), places.size());
+  for (const auto& id : ids) {
+    // Its own conversion takes any number, as C++ does.
+    expect(id.is_number_unsigned() && id.get<std::uint64_t>() <= std::numeric_limits<Id>::max(),
+           "an id is not a whole number of 32 bits");
+    places.emplace(id.get<Id>(), places.size());
+  }
   expect(places.size() == ids.size() && places.size() <= most, what);
   return places;
 }

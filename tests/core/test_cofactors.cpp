@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <cmath>
 #include <limits>
 
 #include <doctest/doctest.h>
@@ -93,6 +94,22 @@ void check_subtraction(sim::Random& random) {
   CHECK(unseen > 0);
 }
 
+// Of rank two, one of both far weaker: rounding of its products looks like a determinant.
+template <class S>
+void check_graded() {
+  sim::Random random{"graded"};
+  for (int trial = 0; trial < 5000; ++trial) {
+    const Vec<S, 3> strong = test::random_direction<S, 3>(random);
+    const S ratio = S(std::pow(10.0, random.uniform(-4, 0)));
+    const Vec<S, 3> weak = strong + ratio * test::random_direction<S, 3>(random);
+    Mat<S, 3> a = Mat<S, 3>::Zero();
+    add_outer<S, 3>(a, strong, S(400));
+    add_outer<S, 3>(a, weak, S(100));
+    const Lower<S, 3> all = lower<S, 3>(a);
+    CHECK_FALSE(bool(is_well_conditioned<S, S, 3>(all, cofactors<S, 3>(all))));
+  }
+}
+
 template <class S>
 void check_lanes() {
   sim::Random random{"lanes"};
@@ -129,6 +146,11 @@ TEST_CASE_TEMPLATE("cofactors refuse what elimination refuses", S, float, double
   check_refusals<S, 3>(random);
   check_subtraction<S, 2>(random);
   check_subtraction<S, 3>(random);
+}
+
+TEST_CASE_TEMPLATE("cofactors see a rank that is missing beside one that is weak", S, float,
+                   double) {
+  check_graded<S>();
 }
 
 TEST_CASE_TEMPLATE("lanes of a register are as many numbers", S, float, double) {

@@ -66,6 +66,23 @@ TEST_CASE_TEMPLATE("quaternion: the shortest rotation takes one direction to the
   }
 }
 
+TEST_CASE_TEMPLATE("quaternion: directions count, however long or short the vectors are", S, float,
+                   double) {
+  using Limits = std::numeric_limits<S>;
+  const Vec<S, 3> x{S(1), S(0), S(0)};
+  const Vec<S, 3> y{S(0), S(1), S(0)};
+  for (const S from : {Limits::denorm_min(), Limits::min(), S(1), Limits::max()}) {
+    for (const S to : {Limits::denorm_min(), Limits::min(), S(1), Limits::max()}) {
+      CHECK((rotate<S>(quaternion_between<S>(from * x, to * y), x) - y).norm() < kRounding<S>);
+      CHECK((rotate<S>(quaternion_between<S>(from * x, -to * x), x) + x).norm() < kRounding<S>);
+    }
+  }
+  for (const S bad : {Limits::infinity(), Limits::quiet_NaN()}) {
+    CHECK(quaternion_between<S>({bad, S(1), S(0)}, y) == identity_quaternion<S>());
+    CHECK(quaternion_between<S>(x, {S(1), S(0), bad}) == identity_quaternion<S>());
+  }
+}
+
 TEST_CASE_TEMPLATE("quaternion: the conjugate turns back", S, float, double) {
   sim::Random random{"conjugate"};
   for (int i = 0; i < 200; ++i) {

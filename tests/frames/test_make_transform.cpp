@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <cmath>
 #include <limits>
 #include <numbers>
 
@@ -6,6 +7,7 @@
 
 #include "uwbpos/core/angle.hpp"
 #include "uwbpos/frames/make_transform.hpp"
+#include "uwbpos/frames/subnet.hpp"
 
 #include "frames/scenes.hpp"
 
@@ -109,6 +111,28 @@ TEST_CASE_TEMPLATE("what is no rotation is refused by name", S, float, double) {
   Mat<S, 3> flipped = Mat<S, 3>::Identity();
   flipped(2, 2) = -1;
   CHECK(transform_from_rotation(flipped, Vec<S, 3>{0, 0, 0}).error() == Error::NotARotation);
+}
+
+TEST_CASE_TEMPLATE("a covariance that was written down with few digits is made one", S, float,
+                   double) {
+  Mat<S, 3> c = Mat<S, 3>::Zero();
+  c(0, 0) = S(0.0131);
+  c(2, 2) = S(1.2593);
+  c(0, 2) = c(2, 0) = S(0.1285);  // a correlation of 1.0005
+  c(0, 2) += S(5e-5);
+  const auto made = transform_from_yaw(S(0.3), Vec<S, 2>{1, 2}, c);
+  REQUIRE(made);
+  const Mat<S, 3>& known = made->covariance;
+  CHECK(known.diagonal() == c.diagonal());
+  CHECK(known(2, 0) == known(0, 2));
+  CHECK(known(2, 0) == std::sqrt(c(0, 0)) * std::sqrt(c(2, 2)));
+  CHECK(known(1, 0) == S(0));
+  Subnets<S, 2, 2> site;
+  Transform<S, 2> given = *made;
+  given.covariance = c * S(0.01);
+  REQUIRE(site.add({1, 7, given}));
+  const Mat<S, 3> kept = site.covariance(0, 0);
+  CHECK(kept(2, 0) <= std::sqrt(kept(0, 0)) * std::sqrt(kept(2, 2)));
 }
 
 TEST_CASE_TEMPLATE("a planar transform lifted into space does the same above its floor", S, float,

@@ -127,10 +127,13 @@ void angles(Bytes& bytes) {
 
   const Vec<S, 3> a{x, y, bytes.number(S(0.01))};
   const Vec<S, 3> b{bytes.number(S(0.01)), bytes.number(S(0.01)), bytes.number(S(0.01))};
-  const S lengths = norm<S, 3>(a) * norm<S, 3>(b);
-  if (lengths > S(1e-6) && lengths < S(1e12)) {
-    const Vec<S, 3> turned = rotate<S>(quaternion_between<S>(a, b), a);
-    require(dot<S, 3>(turned, b) >= (S(1) - S(1e-3)) * lengths, "one direction to the other");
+  const auto direction = [](const Vec<S, 3>& v) {
+    const Vec<S, 3> shorter = v / v.cwiseAbs().maxCoeff();  // its square fits
+    return Vec<S, 3>{shorter / norm<S, 3>(shorter)};
+  };
+  if (all_finite(a) && all_finite(b) && !a.isZero(S(0)) && !b.isZero(S(0))) {
+    const Vec<S, 3> turned = rotate<S>(quaternion_between<S>(a, b), direction(a));
+    require(dot<S, 3>(turned, direction(b)) >= S(1) - S(1e-3), "one direction to the other");
   }
 }
 

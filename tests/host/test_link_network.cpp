@@ -78,6 +78,12 @@ TEST_CASE("What is no network is refused with the file's name and what is wrong"
   refuses(spoiled("/checks/0/bias_m", 1.0), "wrote down");
   refuses(spoiled("/anchors", {0, 0, 1, 2, 3, 4, 5, 6}), "different anchors");
   refuses(spoiled("/anchors", {0, 1}), "inputs");
+  for (const nlohmann::json& id :
+       {nlohmann::json(7.777e103), nlohmann::json(1.5), nlohmann::json(-1),
+        nlohmann::json(4294967296), nlohmann::json(true), nlohmann::json("1")}) {
+    refuses(spoiled("/anchors/0", id), "32 bits");
+    refuses(spoiled("/tags/0", id), "32 bits");
+  }
   refuses(spoiled("/lowest/0", 1e9), "lowest");
   refuses(spoiled("/layers", nlohmann::json::array()), "three layers");
   refuses(spoiled("/layers/0/weights/0", {1.0}), "row of weights");

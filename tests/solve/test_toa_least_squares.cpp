@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: MIT
+#include <array>
+
 #include <doctest/doctest.h>
 
 #include "uwbpos/solve/locate.hpp"
+#include "uwbpos/solve/toa_chan.hpp"
 #include "uwbpos/solve/toa_least_squares.hpp"
+#include "uwbpos/solve/toa_linear.hpp"
 
 #include "solve/solver_laws.hpp"
 
@@ -89,6 +93,25 @@ TEST_CASE_TEMPLATE("least squares: what it cannot solve is refused by name", S, 
   CHECK(toa_least_squares(ranges, options));
   options.initial = Vec<S, 2>{std::numeric_limits<S>::infinity(), 0};
   CHECK(toa_least_squares(ranges, options).error() == Error::NotFinite);
+}
+
+// Rounding of products once made a determinant, and variances, of what has none.
+TEST_CASE_TEMPLATE("least squares: three anchors nearly in a row do not say how high the tag is", S,
+                   float, double) {
+  sim::Random random{"least squares of a graded plane"};
+  for (int trial = 0; trial < 5000; ++trial) {
+    std::array<RangeTo<S, 3>, 3> ranges{};
+    ranges[1].anchor = S(0.1) * test::random_direction<S, 3>(random);
+    ranges[2].anchor = S(100) * test::random_direction<S, 3>(random);
+    for (RangeTo<S, 3>& r : ranges) {
+      r.range = S(random.uniform(0, 1));
+      r.sigma = S(0.1);
+    }
+    CHECK_FALSE(toa_least_squares(ranges));
+    const std::array<RangeTo<S, 3>, 4> again{ranges[0], ranges[1], ranges[2], ranges[1]};
+    CHECK_FALSE(toa_linear(again));
+    CHECK_FALSE(toa_chan(again));
+  }
 }
 
 TEST_CASE_TEMPLATE("least squares: a start on an anchor or in a row is no end", S, float, double) {

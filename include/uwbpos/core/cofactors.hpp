@@ -94,7 +94,8 @@ template <class P, int D>
 
 /// True, in each lane, where A is positive definite and rounding leaves its determinant ten bits or
 /// more: entries of A that came of subtraction carry errors of the terms' size, on the diagonal
-/// that of `terms`, and det A changes with a diagonal entry by its cofactor.
+/// that of `terms`, and det A changes with a diagonal entry by its cofactor. It exceeds
+/// ε times the product of the diagonal, by which its own products are rounded, by six bits.
 template <class S, class P, int D>
 [[nodiscard, gnu::always_inline]] inline auto is_well_conditioned(const Lower<P, D>& a,
                                                                   const Cofactors<P, D>& of_a,
@@ -105,9 +106,11 @@ template <class S, class P, int D>
   unroll<D>([&](auto k) __attribute__((always_inline)) {
     diagonal[k] = of_a.adjugate[lower_index<D>(k, k)];
   });
-  const P change = inner<P, D>(terms, diagonal);
-  // All leading minors: noise of a rank that is missing may look like a determinant.
   constexpr int kSecond = lower_index<D>(1, 1);
+  P change = inner<P, D>(terms, diagonal);
+  // No product of three is beyond that of the diagonal.
+  if constexpr (D == 3) change += (S(1) / S(16)) * (a[0] * a[kSecond] * a[lower_index<D>(2, 2)]);
+  // All leading minors: noise of a rank that is missing may look like a determinant.
   const auto two = (a[0] > little * terms[0]) & (of_a.determinant > little * change);
   if constexpr (D == 2) {
     return two & (of_a.determinant > P{});

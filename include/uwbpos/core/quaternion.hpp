@@ -6,6 +6,7 @@
 /// Rotations as unit quaternions (w, x, y, z), Hamilton's product: `a_q_b` takes vectors in frame b
 /// to vectors in frame a, like the matrix that `rotation_matrix` makes of it.
 
+#include <algorithm>
 #include <cmath>
 
 #include "uwbpos/core/linalg.hpp"
@@ -87,9 +88,13 @@ template <class S>
 }
 
 /// The shortest rotation that takes the direction of `from` to that of `to`; any of those by half a
-/// turn when they are opposite, none when one of them is zero. No allocation.
+/// turn when they are opposite, none when one of them is zero or not finite. No allocation.
 template <class S>
-[[nodiscard]] Quaternion<S> quaternion_between(const Vec<S, 3>& from, const Vec<S, 3>& to) {
+[[nodiscard]] Quaternion<S> quaternion_between(Vec<S, 3> from, Vec<S, 3> to) {
+  for (Vec<S, 3>* v : {&from, &to}) {  // squares neither vanish nor overflow
+    const S largest = std::max({std::abs((*v)[0]), std::abs((*v)[1]), std::abs((*v)[2])});
+    if (largest > S(0)) *v /= largest;
+  }
   const S scale = norm(from) * norm(to);
   const S cosine = dot(from, to);
   if (!(scale > S(0))) return identity_quaternion<S>();

@@ -67,8 +67,8 @@ template <class S, int D>
 }
 
 /// The transform of a rotation matrix, a translation [m] and a covariance of (δt, θ), see
-/// frames/transform.hpp. A matrix within `kRotationTolerance` is replaced by the nearest rotation.
-/// O(D³), no allocation.
+/// frames/transform.hpp. A matrix within `kRotationTolerance` is replaced by the nearest rotation,
+/// correlations above one for want of digits by one. O(D³), no allocation.
 /// Errors: Error::NotFinite; Error::NotARotation, axes not orthonormal, or mirrored;
 /// Error::InvalidCovariance.
 template <class S, int D>
@@ -93,7 +93,7 @@ template <class S, int D>
   }
   return Transform<S, D>{.rotation = orthonormalised<S, D>(rotation),
                          .translation = translation,
-                         .covariance = covariance};
+                         .covariance = without_rounding<S, kTransformDof<D>>(covariance)};
 }
 
 /// A turn by `yaw` [rad] about z, counter-clockwise seen from above, then a translation [m]; in

@@ -119,9 +119,10 @@ template <class S, int N>
     line.foot[order[i]] = foot[i];
     line.direction[order[i]] = axis[i];
   }
-  // A lacking rank keeps only rounding noise of the diagonal that all of the elimination consumed.
+  // A lacking rank keeps only rounding noise: of each diagonal entry, as far as it weighs along v.
   const S pivot = a[kLast][kLast];
-  const S consumed = normal(order[kLast], order[kLast]);
+  S consumed = S(0);
+  for (int k = 0; k < N; ++k) consumed += slope[k] * slope[k] * normal(order[k], order[k]);
   const bool flat = !(pivot > kLost * consumed) || !(pivot > kLost * kLost * strongest);
   const S tau = along + b[kLast] / pivot * length;
   line.linear = flat ? S(0) : tau;
