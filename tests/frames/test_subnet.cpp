@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: MIT
+#include <cmath>
 #include <cstdint>
 #include <limits>
 
@@ -101,6 +102,22 @@ TEST_CASE_TEMPLATE("errors that were learned correct the transforms", S, float, 
     CHECK(subnets.absorb(errors).error() == Error::NumericOverflow);
     CHECK(subnets.covariance(0, 1)(0, 0) == S(0.0005));
   }
+}
+
+TEST_CASE_TEMPLATE("errors that rounding made more than alike are alike once learned", S, float,
+                   double) {
+  Subnets<S, 3, 3> subnets;
+  for (std::uint32_t id = 0; id < 2; ++id) {
+    REQUIRE(subnets.add({id, 0, {.covariance = Mat<S, 6>::Identity() * S(0.0025)}}));
+  }
+  auto errors = subnets.errors();
+  errors.covariance(6, 0) = errors.covariance(0, 6) = S(0.0025) * S(1.0003);
+  REQUIRE(subnets.absorb(errors));
+  const S kept = subnets.covariance(0, 1)(0, 0);
+  const Mat<S, 6> own = subnets.covariance(0, 0);
+  CHECK(kept <= std::sqrt(own(0, 0)) * std::sqrt(own(0, 0)));
+  CHECK(kept >= S(0.0024999));
+  CHECK(subnets.covariance(1, 0)(0, 0) == kept);
 }
 
 }  // namespace tests::frames_subnet

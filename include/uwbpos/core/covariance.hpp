@@ -36,16 +36,22 @@ template <class S>
   return std::max(-bound, std::min(covariance, bound));
 }
 
-/// A propagated covariance without what rounding may leave of singular ones: variances below zero,
-/// correlations above one. The lower triangle is read. O(N²), no allocation.
+/// Takes from a propagated covariance what rounding may leave of singular ones: variances below
+/// zero, correlations above one. The lower triangle is read. O(N²), no allocation.
 template <class S, int N>
-[[nodiscard]] Mat<S, N> without_rounding(Mat<S, N> p) {
+void remove_rounding(Mat<S, N>& p) {
   Vec<S, N> sigma;
   for (int i = 0; i < N; ++i) {
     p(i, i) = std::max(p(i, i), S(0));
     sigma[i] = std::sqrt(p(i, i));
     for (int j = 0; j < i; ++j) p(i, j) = p(j, i) = bounded(p(i, j), sigma[i], sigma[j]);
   }
+}
+
+/// The same of a copy.
+template <class S, int N>
+[[nodiscard]] Mat<S, N> without_rounding(Mat<S, N> p) {
+  remove_rounding<S, N>(p);
   return p;
 }
 

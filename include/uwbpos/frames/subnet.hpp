@@ -9,6 +9,7 @@
 #include <array>
 #include <cstdint>
 
+#include "uwbpos/core/covariance.hpp"
 #include "uwbpos/frames/joint_fix.hpp"
 #include "uwbpos/frames/make_transform.hpp"
 
@@ -109,6 +110,7 @@ class Subnets {
       return std::unexpected(Error::NumericOverflow);
     }
     covariance_ = errors.covariance;
+    remove_rounding<S, Capacity * kDof>(covariance_);
     for (int i = 0; i < size_; ++i) {
       Transform<S, D>& map_T_subnet = entries_[static_cast<std::size_t>(i)].map_T_subnet;
       map_T_subnet =
