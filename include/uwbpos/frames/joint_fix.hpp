@@ -25,6 +25,7 @@
 #include <span>
 
 #include "uwbpos/core/chi_squared.hpp"
+#include "uwbpos/core/covariance.hpp"
 #include "uwbpos/core/result.hpp"
 #include "uwbpos/frames/transform.hpp"
 
@@ -118,6 +119,7 @@ template <class S, int D, int Slots>
       }
     }
   }
+  remove_rounding<S, D>(joint.covariance);
   return joint;
 }
 
