@@ -23,11 +23,6 @@ constexpr std::size_t kFewest = 8;     // rows that show that a clock was set
 constexpr std::size_t kLookedAt = 32;  // rows whose order is looked at
 constexpr double kForth = 1e8;         // a step forward that nothing else explains [s]
 
-double usual_step(Rows rows) {
-  std::vector<double> steps = steps_forward(rows, &Stamp::t);
-  return steps.empty() ? 0 : median(std::move(steps));
-}
-
 // How far below an earlier one a time lies [s].
 double disorder(Rows rows) {
   double most = 0;
@@ -130,7 +125,7 @@ double shift_at(Rows rows, std::size_t start, std::size_t at, double newest, con
   }
   // A link that lost a row asks for a step less.
   if (!shifts.empty()) return quantile(std::move(shifts), 0.75);
-  return newest - rows[at].t + usual_step(rows.subspan(start, at - start));
+  return newest - rows[at].t + usual_step(rows.subspan(start, at - start), &Stamp::t);
 }
 
 enum class Meaning : std::uint8_t { kNothing, kReset, kPart };

@@ -192,18 +192,14 @@ class RecoveryWatch {
 };
 
 // From epoch to epoch, typically [s]; zero of a single one.
-double period_of(const Stream& stream) {
-  std::vector<double> steps = steps_forward(stream.ends, std::identity{});
-  return steps.empty() ? 0 : median(std::move(steps));
-}
+double period_of(const Stream& stream) { return usual_step(stream.ends, std::identity{}); }
 
 // What counts as a pause in a stream [s].
 double pause_of(const Stream& stream) {
   constexpr double shortest = 0.5;
   constexpr double times = 10;
   constexpr double epochs = 1.5;
-  std::vector<double> steps = steps_forward(stream.measurements, &TimedMeasurement::time);
-  const double quiet = steps.empty() ? 0 : times * 1e-6 * median(std::move(steps));
+  const double quiet = times * 1e-6 * usual_step(stream.measurements, &TimedMeasurement::time);
   return std::max({shortest, quiet, epochs * period_of(stream)});
 }
 

@@ -84,9 +84,10 @@ void feed(const std::vector<std::unique_ptr<Hypothesis>>& hypotheses, const Time
     }
     told(*h, verdict);
   }
+  const bool behind = std::isfinite(leading);
   for (Hypothesis* h : fresh) {
-    h->late = std::isfinite(leading) ? kLateStart : 0;
-    h->score = std::isfinite(leading) ? leading - kLateStart : 0;
+    h->late = behind ? kLateStart : 0;
+    h->score = behind ? leading - h->late : 0;
   }
 }
 
@@ -228,17 +229,14 @@ void HypothesisBank::add_inertial() {
 
 void HypothesisBank::choose() {
   best_ = nullptr;
-  double most = 0;
+  // Once it is known who lies, others follow that lie better, and another is suspected only with
+  // more reason.
+  const auto belief = [this](const Hypothesis& h) {
+    return credit(h) - (h.suspicious && liar_ ? kConvicted : 0);
+  };
   for (const auto& h : all_) {
-    // Once it is known who lies, others follow that lie better.
-    if (h->suspicious && h->liar && h->liar == liar_) continue;
-    if (!stands(*h)) continue;
-    // Another is then suspected only with more reason.
-    const double with = credit(*h) - (h->suspicious && liar_ ? kConvicted : 0);
-    if (best_ == nullptr || with > most) {
-      best_ = h.get();
-      most = with;
-    }
+    if (!stands(*h) || (h->suspicious && h->liar && h->liar == liar_)) continue;
+    if (best_ == nullptr || belief(*h) > belief(*best_)) best_ = h.get();
   }
 }
 

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <functional>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace uwbpos::host {
@@ -33,6 +34,13 @@ template <class Rows, class Projection>
     if (to > from) steps.push_back(static_cast<double>(to - from));
   }
   return steps;
+}
+
+/// The median of those; zero of a single row.
+template <class Rows, class Projection>
+[[nodiscard]] double usual_step(const Rows& rows, const Projection& projection) {
+  std::vector<double> steps = steps_forward(rows, projection);
+  return steps.empty() ? 0 : median(std::move(steps));
 }
 
 /// A sample of signed errors in brief.
