@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: MIT
+#include <cmath>
 #include <limits>
 
+#include <Eigen/Eigenvalues>
 #include <doctest/doctest.h>
 
 #include "uwbpos/core/covariance.hpp"
+
+#include "support/random_geometry.hpp"
 
 namespace tests::core_covariance {
 
@@ -16,6 +20,15 @@ Mat<S, 2> symmetric(S a, S b, S c) {
   Mat<S, 2> m;
   m << a, b, b, c;
   return m;
+}
+
+// The least eigenvalue of the correlations.
+template <class S, int N>
+double least_direction(const Mat<S, N>& p) {
+  const Mat<double, N> exact = p.template cast<double>();
+  const Vec<double, N> scale = exact.diagonal().cwiseSqrt().cwiseInverse();
+  const Mat<double, N> correlations = scale.asDiagonal() * exact * scale.asDiagonal();
+  return Eigen::SelfAdjointEigenSolver<Mat<double, N>>{correlations}.eigenvalues()[0];
 }
 
 }  // namespace
@@ -49,6 +62,64 @@ TEST_CASE_TEMPLATE("rounding is taken out of a covariance, the rest is left alon
   CHECK(bounded<S>(3, 1, 2) == S(2));
   CHECK(bounded<S>(-3, 1, 2) == S(-2));
   CHECK(bounded<S>(1, 1, 2) == S(1));
+}
+
+TEST_CASE_TEMPLATE("correlations that contradict each other cost variance", S, float, double) {
+  constexpr S epsilon = std::numeric_limits<S>::epsilon();
+  Mat<S, 3> p = Mat<S, 3>::Identity() * S(4);
+  raise_to_semidefinite<S, 3>(p);
+  CHECK(p == Mat<S, 3>::Identity() * S(4));
+  // The first is like both others, but they are unlike each other.
+  p << 1, S(0.9), S(1.8), S(0.9), 1, S(-1.8), S(1.8), S(-1.8), 4;
+  const Mat<S, 3> given = p;
+  CHECK(least_direction<S, 3>(given) < -0.79);
+  raise_to_semidefinite<S, 3>(p);
+  CHECK(least_direction<S, 3>(p) > -8 * epsilon);
+  CHECK((p - given).isDiagonal(0));
+  CHECK((p - given).diagonal().minCoeff() >= 0);
+  CHECK((p - given).trace() < S(8));  // the least is 4.8
+  // What is nothing stays nothing.
+  p << 1, 0, S(0.5), 0, 0, 0, S(0.5), 0, 1;
+  const Mat<S, 3> with_zero = p;
+  raise_to_semidefinite<S, 3>(p);
+  CHECK(p == with_zero);
+  p.setZero();
+  raise_to_semidefinite<S, 3>(p);
+  CHECK(p == Mat<S, 3>::Zero());
+}
+
+TEST_CASE_TEMPLATE("a sound covariance is not raised, a singular one by rounding only", S, float,
+                   double) {
+  constexpr S epsilon = std::numeric_limits<S>::epsilon();
+  sim::Random random{"raised covariances"};
+  for (int trial = 0; trial < 1000; ++trial) {
+    Mat<S, 6> root;
+    for (int j = 0; j < 6; ++j) root.col(j) = test::random_in_cube<S, 6>(random, S(1));
+    const Vec<S, 6> units = test::random_in_cube<S, 6>(random, S(7)).array().exp();
+    Mat<S, 6> sound = root * root.transpose() + Mat<S, 6>::Identity() * S(0.01);
+    sound = symmetric_from_lower<S, 6>(units.asDiagonal() * sound * units.asDiagonal());
+    Mat<S, 6> raised = sound;
+    raise_to_semidefinite<S, 6>(raised);
+    CHECK(raised == sound);
+
+    // Of rank three, and what `digits` of noise makes of it.
+    const Eigen::Matrix<S, 6, 3> thin = root.template leftCols<3>();
+    const S digits = epsilon * S(std::pow(10.0, trial % 5));
+    Mat<S, 6> flat = thin * thin.transpose();
+    for (int j = 0; j < 6; ++j) {
+      for (int i = j + 1; i < 6; ++i) {
+        flat(i, j) += digits * std::sqrt(flat(i, i) * flat(j, j)) * S(random.uniform(-1.0, 1.0));
+      }
+    }
+    flat = symmetric_from_lower<S, 6>(units.asDiagonal() * flat * units.asDiagonal());
+    raised = flat;
+    raise_to_semidefinite<S, 6>(raised);
+    CHECK(least_direction<S, 6>(raised) > -16 * epsilon);
+    CHECK((raised - flat).isDiagonal(0));
+    const Vec<S, 6> added = (raised - flat).diagonal().cwiseQuotient(flat.diagonal());
+    CHECK(added.minCoeff() >= 0);
+    CHECK(added.maxCoeff() < S(0.3));
+  }
 }
 
 }  // namespace tests::core_covariance

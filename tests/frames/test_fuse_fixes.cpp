@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <vector>
 
+#include <Eigen/Eigenvalues>
 #include <doctest/doctest.h>
 
 #include "uwbpos/frames/fuse_fixes.hpp"
@@ -250,6 +252,43 @@ TEST_CASE_TEMPLATE("transforms far worse than the fixes are learned and exhaust 
   // from the map's origin. A float stops at a thousand ε of (1 m)² + (0.1 · 35 m)²: 0.05 m each
   // way.
   CHECK(last < (sizeof(S) == 4 ? 0.25 : 0.1));
+}
+
+TEST_CASE_TEMPLATE("what is learned of tags far away stays a covariance", S, float, double) {
+  // At 30 km, turns known to 0.01 rad are 300 m, and a fix is good to 1 cm: of what the subnets
+  // learn some directions are left with a billionth of the variance, and a float has seven digits.
+  sim::Random random{"tags far away"};
+  double most_learned = 1;
+  int fused = 0;
+  for (int trial = 0; trial < 100; ++trial) {
+    Subnets<S, 3, 3> subnets;
+    for (std::uint32_t id = 0; id < 3; ++id) {
+      auto t = exact(test::random_transform<S, 3>(random));
+      t.covariance.diagonal().setConstant(S(1e-4));
+      REQUIRE(subnets.add({id, 0, t}));
+    }
+    for (int step = 0; step < 20; ++step) {
+      const S reach = S(30) * S(std::pow(10.0, random.uniform(0.0, 3.0)));
+      const Vec<S, 3> tag = test::random_in_cube<S, 3>(random, 1.0) * reach;
+      std::vector<SubnetFix<S, 3>> fixes;
+      for (std::uint32_t id = 0; id < 3; ++id) {
+        fixes.push_back({id,
+                         {apply(inverse(subnets.find(id)->map_T_subnet), tag),
+                          Mat<S, 3>::Identity() * S(1e-4), S(0), 0}});
+      }
+      fused += fuse_and_learn(subnets, fixes) ? 1 : 0;
+      const Mat<double, 18> joint = subnets.errors().covariance.template cast<double>();
+      REQUIRE((joint.diagonal().array() > 0).all());
+      const Vec<double, 18> scale = joint.diagonal().cwiseSqrt().cwiseInverse();
+      const Mat<double, 18> correlations = scale.asDiagonal() * joint * scale.asDiagonal();
+      const Eigen::SelfAdjointEigenSolver<Mat<double, 18>> directions{correlations,
+                                                                      Eigen::EigenvaluesOnly};
+      REQUIRE(directions.eigenvalues()[0] > -18 * 8 * double(std::numeric_limits<S>::epsilon()));
+      most_learned = std::min(most_learned, joint(3, 3) / 1e-4);
+    }
+  }
+  CHECK(most_learned < 0.01);
+  CHECK(fused > 1000);  // of those far off, a float refuses some whose variances it cannot hold
 }
 
 TEST_CASE("errors that persist for ten fixes do not make the transforms overconfident") {

@@ -55,6 +55,38 @@ template <class S, int N>
   return p;
 }
 
+/// Raises variances of a symmetric matrix without correlations above one until no combination of
+/// the errors has a negative one, as differences of large numbers may leave. In the correlations'
+/// L D Lᵀ a pivot too small for what it shares with a later one c, c² > d₁ d₂, becomes 2 c²/d₂,
+/// which takes half of d₂ off, or c if that is less. What needs nothing stays as it is. O(N³), as
+/// much stack as `p` takes, no allocation.
+template <class S, int N>
+void raise_to_semidefinite(Mat<S, N>& p) {
+  Vec<S, N> scale;
+  for (int i = 0; i < N; ++i) scale[i] = p(i, i) > S(0) ? S(1) / std::sqrt(p(i, i)) : S(0);
+  Mat<S, N> left;  // to be factored; lower triangle
+  for (int j = 0; j < N; ++j) {
+    left(j, j) = scale[j] > S(0) ? S(1) : S(0);
+    for (int i = j + 1; i < N; ++i) left(i, j) = p(i, j) * scale[i] * scale[j];
+  }
+  for (int j = 0; j < N; ++j) {
+    S pivot = std::max(left(j, j), S(0));
+    for (int i = j + 1; i < N; ++i) {
+      const S shared = std::abs(left(i, j));
+      const S other = left(i, i);
+      const S square = shared * shared;
+      if (left(j, j) > S(0) && square <= left(j, j) * other) continue;
+      pivot = std::max(pivot, S(2) * shared < other ? S(2) * square / other : shared);
+    }
+    p(j, j) += (pivot - left(j, j)) * p(j, j);
+    if (!(pivot > S(0))) continue;
+    for (int k = j + 1; k < N; ++k) {
+      const S part = left(k, j) / pivot;
+      for (int i = k; i < N; ++i) left(i, k) -= left(i, j) * part;
+    }
+  }
+}
+
 }  // namespace uwbpos
 
 #include "uwbpos/core/macros_back.hpp"

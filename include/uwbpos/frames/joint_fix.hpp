@@ -89,10 +89,13 @@ template <class S, int D, int Slots>
     const Mat<S, D> mixed = cov_with_own(across, s);
     const Mat<S, D> a = joint.covariance - mixed;
     const Mat<S, D> of_transform = cov_with_own(own, s);
-    Mat<S, D> innovation = a - transposed(mixed) + of_transform + s.noise;
-    // What their difference has lost to rounding where both are large and nearly the same.
     const S lost = S(32) * std::numeric_limits<S>::epsilon();
-    innovation.diagonal().array() += lost * (joint.covariance.trace() + of_transform.trace());
+    // What their difference has lost to rounding, where both are large and nearly the same, or
+    // their noise has next to none in some direction, is noise.
+    Mat<S, D> noise = s.noise;
+    noise.diagonal().array() +=
+        lost * (joint.covariance.trace() + of_transform.trace() + s.noise.trace());
+    const Mat<S, D> innovation = a - transposed(mixed) + of_transform + noise;
     const Ldlt<S, D> factor{innovation};
     if (!factor.positive_definite()) return std::unexpected(Error::InvalidCovariance);
     const Mat<S, D> inverse = factor.inverse();
@@ -106,7 +109,7 @@ template <class S, int D, int Slots>
     const Mat<S, D> rest = Mat<S, D>::Identity() - gain;
     const Mat<S, D> shared = product(product(rest, mixed), transposed(gain));
     joint.covariance = congruence(rest, joint.covariance) + (shared + transposed(shared)) +
-                       congruence(gain, Mat<S, D>{of_transform + s.noise});
+                       congruence(gain, Mat<S, D>{of_transform + noise});
     joint.chi_squared += std::max(dot(y, scaled), S(0));  // rounding apart
     joint.degrees_of_freedom += D;
     const Across weighted = product(inverse, bt);
