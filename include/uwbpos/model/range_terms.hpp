@@ -27,7 +27,8 @@ template <class S, int D, class X, class C, class Take, class P>
                                                                       const C& center,
                                                                       const Take& take,
                                                                       const P& one) {
-  constexpr S kNowhere = S(1e-24);  // [m²], so that a position at an anchor divides by something
+  // [m²], so that a position at an anchor divides by something, by any sigma that is believed.
+  constexpr S kNowhere = sizeof(S) == 4 ? S(1e-18) : S(1e-24);
   RangeTerms<P, D> terms;
   P square = P{} + kNowhere;
   unroll<D>([&](auto k) __attribute__((always_inline)) {
@@ -38,11 +39,11 @@ template <class S, int D, class X, class C, class Take, class P>
   terms.distance = square_root(square);
   const P sigma = take([](const auto& r) { return r.sigma; });
   const P variance = sigma * sigma;
-  // One division for all: 1/(σ² d), 1/σ² and 1/d.
-  const P both = one / (variance * terms.distance);
-  const P inverse = both * variance;
-  terms.weight = both * terms.distance;
-  terms.turn = terms.weight * inverse;
+  // One division for all, 1/(σ² d²), that need not wait for the root.
+  const P both = one / (variance * square);
+  terms.weight = both * square;
+  terms.turn = both * terms.distance;
+  const P inverse = terms.turn * variance;
   unroll<D>([&](auto k) __attribute__((always_inline)) { terms.gradient[k] *= inverse; });
   return terms;
 }

@@ -24,7 +24,7 @@ namespace uwbpos {
 namespace detail {
 
 /// Solves `epochs`, a register full at a time by `wide(begin)`, which tells what lanes it has
-/// solved, and by `single(e)` what is left.
+/// solved, and by `single(e, lane)` what is left; the last epochs were in no lane, `kLanes`.
 template <class S, class Wider, class Single>
 std::size_t solve_batch(std::size_t epochs, const Wider& wide, const Single& single) {
   std::size_t together = 0;
@@ -35,11 +35,11 @@ std::size_t solve_batch(std::size_t epochs, const Wider& wide, const Single& sin
       if (solved[l]) {
         ++together;
       } else {
-        single(begin + l);
+        single(begin + l, l);
       }
     }
   }
-  for (; begin < epochs; ++begin) single(begin);
+  for (; begin < epochs; ++begin) single(begin, kLanes<S>);
   return together;
 }
 
@@ -103,7 +103,7 @@ Result<std::size_t> solve_range_batch(const RangeBatch<S, D>& batch,
     }
     return solved;
   };
-  return solve_batch<S>(epochs, wide, [&](std::size_t e) {
+  return solve_batch<S>(epochs, wide, [&](std::size_t e, std::size_t) {
     fixes[e] = gather_ranges<S, D>(batch, epochs, e, solve);
   });
 }
@@ -138,6 +138,10 @@ Result<std::size_t> toa_closed_form(const RangeBatch<S, D>& batch,
                                     std::span<Result<Mirror<S, D>>> positions) {
   const std::size_t epochs = positions.size();
   if (!detail::fits(batch, epochs)) return std::unexpected(Error::InvalidOption);
+  // Of each lane, for those that are left.
+  std::array<Vec<S, D>, kLanes<S>> minima;
+  std::array<S, kLanes<S>> others;
+  std::array<bool, kLanes<S>> precise = {};
   const auto wide = [&](std::size_t begin) {
     std::array<bool, kLanes<S>> solved = {};
     if (batch.anchors.size() < static_cast<std::size_t>(D)) return solved;
@@ -146,17 +150,20 @@ Result<std::size_t> toa_closed_form(const RangeBatch<S, D>& batch,
     const Wide<S> count = detail::how_many(ranges);
     const auto squares = range_squares<S, D, Wide<S>>(ranges, first);
     for (std::size_t l = 0; l < kLanes<S>; ++l) {
+      minima[l] = moved<S, D>(detail::lane<S>(first, l), detail::lane<S>(squares.place, l));
+      others[l] = squares.other[l];
+      precise[l] = squares.precise[l] && count[l] >= S(D);
       solved[l] = squares.sole[l] && count[l] >= S(D);
-      if (!solved[l]) continue;
-      const Vec<S, D> position =
-          moved<S, D>(detail::lane<S>(first, l), detail::lane<S>(squares.place, l));
-      positions[begin + l] = Mirror<S, D>{position, position};
+      if (solved[l]) positions[begin + l] = Mirror<S, D>{minima[l], minima[l]};
     }
     return solved;
   };
-  return detail::solve_batch<S>(epochs, wide, [&](std::size_t e) {
-    positions[e] = detail::gather_ranges<S, D>(
-        batch, epochs, e, [](RangeSpan<S, D> ranges) { return toa_closed_form(ranges); });
+  return detail::solve_batch<S>(epochs, wide, [&](std::size_t e, std::size_t l) {
+    positions[e] = detail::gather_ranges<S, D>(batch, epochs, e, [&](RangeSpan<S, D> ranges) {
+      return l < kLanes<S> && precise[l]
+                 ? detail::minimum_or_images<S, D>(ranges, minima[l], others[l])
+                 : toa_closed_form(ranges);
+    });
   });
 }
 
@@ -187,7 +194,7 @@ Result<std::size_t> locate(const DifferenceBatch<S, D>& batch, std::span<Result<
     }
     return solved;
   };
-  return detail::solve_batch<S>(epochs, wide, [&](std::size_t e) {
+  return detail::solve_batch<S>(epochs, wide, [&](std::size_t e, std::size_t) {
     std::array<DifferenceTo<S, D>, kMaxMeasurements> differences;
     std::size_t n = 0;
     for (std::size_t i = 0; i < batch.anchors.size(); ++i) {

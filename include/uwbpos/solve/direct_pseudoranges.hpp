@@ -36,18 +36,17 @@ template <class P, int D>
 struct DirectProfile {
   DirectNormal<P, D> normal;  ///< all but `bends` and bounds where not bent
   Numbers<P, D> mean;         ///< ḡ
-  P total_weight;             ///< W
   P residual;                 ///< ē, from the bias given
 };
 
-/// That at `state`, (position, bias) from the first anchor and pseudorange; `noise` [m²] of lengths
-/// squared. O(n·D²), no allocation.
+/// That at `state`, (position, bias) from the first anchor and pseudorange; `each` = 1/W, known
+/// beforehand and so not waited for, `noise` [m²] of lengths squared. O(n·D²), no allocation.
 template <class S, int D, Curvature curvature, class P, class V>
 [[nodiscard, gnu::always_inline]] inline DirectProfile<P, D> direct_profile(
     const V& view, const Numbers<P, D>& first, const P& first_range, const Numbers<P, D + 1>& state,
-    const P& noise) {
+    const P& each, const P& noise) {
   constexpr bool kBent = curvature == Curvature::Full;
-  constexpr int kMean = D * (D + 1) / 2;  // Σ w g, after Σ w g gᵀ, whose trace is Σ w
+  constexpr int kMean = D * (D + 1) / 2;  // Σ w g, after Σ w g gᵀ
   constexpr int kPull = kMean + D;        // Σ w e g
   constexpr int kResidual = kPull + D;    // Σ w e
   constexpr int kChi = kResidual + 1;     // Σ w e²
@@ -77,8 +76,6 @@ template <class S, int D, Curvature curvature, class P, class V>
   DirectNormal<P, D>& normal = profile.normal;
   Lower<P, D>& information = normal.information;
   unroll<kMean>([&](auto k) __attribute__((always_inline)) { information[k] = sums[k]; });
-  profile.total_weight = trace_of<P, D>(information);
-  const P each = S(1) / profile.total_weight;
   profile.residual = sums[kResidual] * each;
   unroll<D>([&](auto j) __attribute__((always_inline)) {
     profile.mean[j] = sums[kMean + j] * each;
@@ -121,8 +118,8 @@ template <class S, int D, class P, class V>
     unroll<D>([&](auto k) __attribute__((always_inline)) { state[k] += step[k]; });
     state[D] += profile.residual - inner<P, D>(profile.mean, step);
   };
-  const auto near =
-      direct_profile<S, D, Curvature::Information, P>(view, first, first_range, state, noise);
+  const auto near = direct_profile<S, D, Curvature::Information, P>(view, first, first_range, state,
+                                                                    squares.each, noise);
   move(near, gauss_step<S>(near.normal).step);
 
   // One fix alone need not look at an image that is far off.
@@ -130,22 +127,22 @@ template <class S, int D, class P, class V>
   P other = squares.worse;
   auto judged = squares.worse > kFar;
   if (!std::is_same_v<P, S> || !is_certain(judged)) {
-    const auto image = direct_profile<S, D, Curvature::Information, P>(view, first, first_range,
-                                                                       squares.image, noise);
+    const auto image = direct_profile<S, D, Curvature::Information, P>(
+        view, first, first_range, squares.image, squares.each, noise);
     const auto end = gauss_step<S>(image.normal);
     other = judged ? squares.worse : end.chi_squared;
     judged = judged | end.well_conditioned;
   }
 
   for (int left = kDirectSteps<S, P>;; --left) {
-    const auto at =
-        direct_profile<S, D, Curvature::Full, P>(view, first, first_range, state, noise);
+    const auto at = direct_profile<S, D, Curvature::Full, P>(view, first, first_range, state,
+                                                             squares.each, noise);
     const auto end = direct_step<S, P, D>(at.normal);
     move(at, end.step);
     // What unit vectors have in common was taken off after they were squared.
     constexpr S kLittle = S(1024) * kEpsilon;
     const auto clear = squares.well_formed & judged & end.settled & is_finite(state[D]) &
-                       (trace_of<P, D>(end.covariance) * at.total_weight * kLittle < S(1)) &
+                       (trace_of<P, D>(end.covariance) * squares.total_weight * kLittle < S(1)) &
                        is_finite(inner<P, D + 1>(state, state));
     if (kDirectSteps<S, P> == 1 || left == 1 || is_certain(clear)) {
       DirectPseudoranges<P, D, std::remove_cv_t<decltype(clear)>> fix;
@@ -153,7 +150,7 @@ template <class S, int D, class P, class V>
       fix.bias = state[D];
       fix.covariance = end.covariance;
       fix.mean_gradient = at.mean;
-      fix.total_weight = at.total_weight;
+      fix.total_weight = squares.total_weight;
       fix.chi_squared = end.chi_squared;
       fix.other = other;
       fix.clear = clear;

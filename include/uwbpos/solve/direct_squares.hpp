@@ -36,6 +36,8 @@ struct SquareMinimum {
   Numbers<P, N> image;    ///< that at its image
   P worse;                ///< χ² there, roughly, or the largest number where ranges are negative
   P squares;              ///< Σ |u|² + ϱ² + σ² [m²]
+  P total_weight;         ///< W = Σ 1/σ² [1/m²]
+  P each;                 ///< 1/W
   Mask well_formed;       ///< whether all this holds
 };
 
@@ -82,8 +84,8 @@ template <class S, int D, class P, class V>
   const Cofactors<P, D> of_block = cofactors<P, D>(block);
   const P inverse = S(1) / of_block.determinant;
   Numbers<P, D> share = times<P, D>(of_block.adjugate, border);
+  const P pivot = a[kLast] - inverse * inner<P, D>(border, share);
   unroll<D>([&](auto k) __attribute__((always_inline)) { share[k] *= inverse; });
-  const P pivot = a[kLast] - inner<P, D>(border, share);
   P pivot_terms = all_terms[D];
   unroll<D>([&](auto k)
                 __attribute__((always_inline)) { pivot_terms += terms[k] * share[k] * share[k]; });
@@ -133,8 +135,8 @@ template <class S, int D, class P, class V>
   const auto well_formed = (sums[kFault] == P{}) & is_finite(sums[kSquares]) &
                            is_well_conditioned<S, P, D>(block, of_block, terms) &
                            (pivot > kLittle * pivot_terms);
-  return SquareMinimum<P, N, std::remove_cv_t<decltype(well_formed)>>{minimum, image, worse,
-                                                                      sums[kSquares], well_formed};
+  return SquareMinimum<P, N, std::remove_cv_t<decltype(well_formed)>>{
+      minimum, image, worse, sums[kSquares], sums[At::kWeight], each, well_formed};
 }
 
 }  // namespace uwbpos

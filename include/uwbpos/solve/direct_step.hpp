@@ -35,6 +35,48 @@ struct DirectStep {
   Mask settled;            ///< the step ends there, and it is one
 };
 
+/// J⁻¹ and H⁻¹, and whether both are well-conditioned.
+template <class P, int D, class Mask>
+struct Inverses {
+  Lower<P, D> of_j;       ///< J⁻¹
+  Lower<P, D> of_h;       ///< H⁻¹
+  Mask well_conditioned;  ///< a bool or a mask of lanes
+};
+
+/// Those of `j` and `h`, side by side where a register holds two scalars. O(D³).
+template <class S, class P, int D>
+[[nodiscard, gnu::always_inline]] inline auto inverses(const Lower<P, D>& j, const Lower<P, D>& h) {
+  using Pair = typename PairOf<P>::Type;
+  Lower<P, D> of_j;
+  Lower<P, D> of_h;
+  if constexpr (std::is_void_v<Pair>) {
+    const auto invert = [](Lower<P, D>& inverse, const Lower<P, D>& a)
+                            __attribute__((always_inline)) {
+                              const Cofactors<P, D> of_a = cofactors<P, D>(a);
+                              const P one_over = S(1) / of_a.determinant;
+                              unroll<D*(D + 1) / 2>([&](auto k) __attribute__((always_inline)) {
+                                inverse[k] = one_over * of_a.adjugate[k];
+                              });
+                              return is_well_conditioned<S, P, D>(a, of_a);
+                            };
+    const auto well = invert(of_j, j) & invert(of_h, h);
+    return Inverses<P, D, std::remove_cv_t<decltype(well)>>{of_j, of_h, well};
+  } else {
+    Lower<Pair, D> both;
+    unroll<D*(D + 1) / 2>([&](auto k)
+                              __attribute__((always_inline)) { both[k] = Pair{j[k], h[k]}; });
+    const Cofactors<Pair, D> of_both = cofactors<Pair, D>(both);
+    const Pair one_over = S(1) / of_both.determinant;
+    unroll<D*(D + 1) / 2>([&](auto k) __attribute__((always_inline)) {
+      const Pair entry = one_over * of_both.adjugate[k];
+      of_j[k] = entry[0];
+      of_h[k] = entry[1];
+    });
+    return Inverses<P, D, bool>{of_j, of_h,
+                                is_certain(is_well_conditioned<S, Pair, D>(both, of_both))};
+  }
+}
+
 /// Solves H s = ∇. O(D³), no allocation. Never fails: what is singular, not a minimum or not finite
 /// is not `settled`; nor is what may be off by more than a few thousandths of a standard deviation,
 /// or has a covariance off by more than a few hundredths. Both bounds are rarely reached to a
@@ -50,20 +92,13 @@ template <class S, class P, int D>
     hessian[k] = information[k] + normal.bends[k];
   });
   unroll<D>([&](auto k) __attribute__((always_inline)) { hessian[lower_index<D>(k, k)] -= bend; });
-  const Cofactors<P, D> of_j = cofactors<P, D>(information);
-  const Cofactors<P, D> of_h = cofactors<P, D>(hessian);
-  const P inverse_j = S(1) / of_j.determinant;
-  const P inverse_h = S(1) / of_h.determinant;
-  Numbers<P, D> step = times<P, D>(of_h.adjugate, normal.gradient);
-  unroll<D>([&](auto k) __attribute__((always_inline)) { step[k] *= inverse_h; });
-  Lower<P, D> covariance;
-  unroll<D*(D + 1) / 2>(
-      [&](auto k) __attribute__((always_inline)) { covariance[k] = inverse_j * of_j.adjugate[k]; });
+  const auto [covariance, of_h, both_well] = inverses<S, P, D>(information, hessian);
+  const Numbers<P, D> step = times<P, D>(of_h, normal.gradient);
   const P left = normal.chi_squared - inner<P, D>(step, normal.gradient);
   const P chi_squared = left > P{} ? left : P{};
 
   const P length = inner<P, D>(step, step);
-  const P variance = inverse_h * trace_of<P, D>(of_h.adjugate);
+  const P variance = trace_of<P, D>(of_h);
   const P change = normal.third_square * length;
   const P enough = kEnough * lesser(normal.chi_squared, P{} + S(1)) + normal.noise;
   // The smallest variance, which may have drowned in the rounding of the others.
@@ -72,8 +107,7 @@ template <class S, class P, int D>
     smallest = lesser(covariance[lower_index<D>(k + 1, k + 1)], smallest);
   });
   const auto settled =
-      (smallest > P{}) & is_well_conditioned<S, P, D>(information, of_j) &
-      is_well_conditioned<S, P, D>(hessian, of_h) &
+      (smallest > P{}) & both_well &
       (variance * (S(0.5) * change + S(2) * normal.stray_square) * length <= enough) &
       (variance * variance * change <= kSameMatrix) & is_finite(chi_squared) &
       is_finite(trace_of<P, D>(covariance));

@@ -15,18 +15,9 @@ namespace uwbpos {
 
 namespace detail {
 
-/// `toa_closed_form` for one scalar and dimension.
+/// The images that the line of the linear system meets; checks what is given.
 template <class S, int D>
-Result<Mirror<S, D>> toa_closed_form(RangeSpan<S, D> span) {
-  if (is_range_count(span.size(), D)) {
-    const auto squares = range_squares<S, D, S>(span, first_anchor<S, D>(span));
-    const Vec<S, D> position = moved<S, D>(span.front().anchor, squares.place);
-    const int freedom = static_cast<int>(span.size()) - D;
-    if (squares.sole || (squares.precise && is_without_doubt(chi_squared<S, D>(span, position),
-                                                             squares.other, freedom))) {
-      return Mirror<S, D>{position, position};
-    }
-  }
+Result<Mirror<S, D>> images_on_line(RangeSpan<S, D> span) {
   if (const auto error = check_ranges<S, D>(span, D)) return std::unexpected(*error);
   const Result<ToaRoots<S, D>> roots = toa_roots<S, D>(span);
   if (!roots) return std::unexpected(roots.error());
@@ -62,6 +53,29 @@ Result<Mirror<S, D>> toa_closed_form(RangeSpan<S, D> span) {
     return std::unexpected(Error::NumericOverflow);
   }
   return images;
+}
+
+/// `position`, a precise minimum of the squares, if no image whose χ² is at least about `other` is
+/// to be feared; else the images on the line.
+template <class S, int D>
+Result<Mirror<S, D>> minimum_or_images(RangeSpan<S, D> span, const Vec<S, D>& position, S other) {
+  const int freedom = static_cast<int>(span.size()) - D;
+  if (is_without_doubt(S(0), other, freedom) &&
+      is_without_doubt(chi_squared<S, D>(span, position), other, freedom)) {
+    return Mirror<S, D>{position, position};
+  }
+  return images_on_line<S, D>(span);
+}
+
+/// `toa_closed_form` for one scalar and dimension.
+template <class S, int D>
+Result<Mirror<S, D>> toa_closed_form(RangeSpan<S, D> span) {
+  if (!is_range_count(span.size(), D)) return images_on_line<S, D>(span);
+  const auto squares = range_squares<S, D, S>(span, first_anchor<S, D>(span));
+  if (!squares.precise) return images_on_line<S, D>(span);
+  const Vec<S, D> position = moved<S, D>(span.front().anchor, squares.place);
+  if (squares.sole) return Mirror<S, D>{position, position};
+  return minimum_or_images<S, D>(span, position, squares.other);
 }
 
 }  // namespace detail

@@ -10,6 +10,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <type_traits>
 #include <utility>
 
 #include "uwbpos/core/lanes.hpp"
@@ -72,12 +73,29 @@ template <class S>
 /// Error::DegenerateGeometry when x2 or y3 is 0; Error::NumericOverflow.
 template <class S>
 [[nodiscard]] Result<Vec<S, 2>> toa_on_axes(S d1, S d2, S d3, S x2, S y3) {
-  const S x = ((d1 - d2) * (d1 + d2) / x2 + x2) * S(0.5);
-  const S y = ((d1 - d3) * (d1 + d3) / y3 + y3) * S(0.5);
   // What is not finite, or divides by zero, is not finite in the end.
-  if (lesser(d1, lesser(d2, d3)) >= (x + y) * S(0)) {
-    return Result<Vec<S, 2>>{std::in_place, x, y};
+  const auto coordinate = [](const auto& near, const auto& far,
+                             const auto& axis) __attribute__((always_inline)) {
+    const auto at = ((near - far) * (near + far) / axis + axis) * S(0.5);
+    return std::pair{at, lesser(near, far) >= at * S(0)};
+  };
+  using Pair = typename PairOf<S>::Type;
+  S x;
+  S y;
+  bool sound;
+  if constexpr (std::is_void_v<Pair>) {
+    const auto [along_x, sound_x] = coordinate(d1, d2, x2);
+    const auto [along_y, sound_y] = coordinate(d1, d3, y3);
+    x = along_x;
+    y = along_y;
+    sound = sound_x && sound_y;
+  } else {
+    const auto [at, both] = coordinate(Pair{d1, d1}, Pair{d2, d3}, Pair{x2, y3});
+    x = at[0];
+    y = at[1];
+    sound = is_certain(both);
   }
+  if (sound) return Result<Vec<S, 2>>{std::in_place, x, y};
   Vec<S, 9> known;
   known << S(0), S(0), x2, S(0), S(0), y3, d1, d2, d3;
   return detail::doubtful_position<S>(known, x2 == S(0) || y3 == S(0), {x, y});
