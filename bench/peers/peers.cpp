@@ -160,9 +160,31 @@ void small(const char* what, const char* other, const char* target, const SmallR
   if (!race.agree) ++failures;
 }
 
+// `times` rounds over eight cases of one row of the table, for instructions.py to count.
+int repeat(const std::string& what, long times) {
+  const std::pair<const char*, Place (*)(const Case&)> rows[] = {
+      {"ranges", &ours<Toa>},
+      {"ranges-tiny", &ceres_tiny<Toa>},
+      {"differences", &ours<Tdoa>},
+      {"differences-tiny", &ceres_tiny<Tdoa>}};
+  const std::vector<Case> all = cases(8);
+  for (const auto& [name, solve] : rows) {
+    if (what != name) continue;
+    for (long i = 0; i < times; ++i) {
+      for (const Case& c : all) keep(solve(c));
+    }
+    return 0;
+  }
+  std::fprintf(stderr, "peers: no row %s\n", what.c_str());
+  return 2;
+}
+
 }  // namespace
 
 int main(int count, char** arguments) {
+  if (count == 4 && std::string{arguments[1]} == "--repeat") {
+    return repeat(arguments[2], std::atol(arguments[3]));
+  }
   const std::string script = count > 1 ? arguments[1] : "";
   std::printf("| case (double) | contender | a call | ratio | target | answers off |\n");
   std::printf("|---|---|---:|---:|---|---|\n");

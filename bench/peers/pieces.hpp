@@ -27,6 +27,25 @@ inline auto roots_and_divisions(const Case& c) {
       });
 }
 
+// Divisions and roots of which each waits for the one before, as those on a fix's longest path do;
+// a call begins with the result of the last, so that calls cannot overlap either.
+class Chain {
+ public:
+  Chain(int divisions, int roots) : divisions_(divisions), roots_(roots) {}
+  double operator()(const Case& c, std::size_t) const {
+    double x = c.ranges[0] + 1e-300 * last_;
+    for (int i = 0; i < divisions_; ++i) x = c.ranges[1] / x;
+    for (int i = 0; i < roots_; ++i) x = uwbpos::square_root(x);
+    last_ = x;
+    return x;
+  }
+
+ private:
+  int divisions_;
+  int roots_;
+  mutable double last_ = 0;
+};
+
 // The first contender is the fix; `pieces` are functions of a case and its number.
 template <class Fix, class... Pieces>
 std::vector<Piece> shares(const std::vector<Case>& all, const Fix& fix,
@@ -62,6 +81,7 @@ inline std::vector<Piece> range_pieces() {
       all, [](const Case& c, std::size_t) { return toa_least_squares(c.toa); },
       std::pair{"eight roots and divisions",
                 [](const Case& c, std::size_t) { return roots_and_divisions(c); }},
+      std::pair{"six divisions and a root that wait for each other", Chain{6, 1}},
       std::pair{"a starting point", squares},
       std::pair{"one evaluation of J, H and the gradient", [&](const Case& c, std::size_t i) {
                   const RangeSpan<double, 3> view{c.toa};
@@ -87,11 +107,13 @@ inline std::vector<Piece> difference_pieces() {
       [](const Case& c, std::size_t) { return tdoa_least_squares(c.anchors[0], c.tdoa, kSigma); },
       std::pair{"eight roots and divisions",
                 [](const Case& c, std::size_t) { return roots_and_divisions(c); }},
+      std::pair{"eight divisions and two roots that wait for each other", Chain{8, 2}},
       std::pair{"a starting point", squares},
       std::pair{"one evaluation of J, H and the gradient", [&](const Case& c, std::size_t i) {
                   const auto view = view_of(c);
                   return direct_profile<double, 3, Curvature::Full, double>(
-                      view, first_anchor<double, 3>(view), 0.0, starts[i], 0.0);
+                      view, first_anchor<double, 3>(view), 0.0, starts[i],
+                      kSigma * kSigma / kAnchors, 0.0);
                 }});
 }
 

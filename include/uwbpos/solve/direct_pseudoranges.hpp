@@ -3,7 +3,7 @@
 #include "uwbpos/core/macros_off.hpp"
 
 /// @file
-/// The clear case of a position from pseudoranges, as direct_fix.hpp is that of one from ranges.
+/// The clear case of a position from pseudoranges, as direct_ranges.hpp is that of one from ranges.
 /// The squares' system (direct_squares.hpp) cannot weigh by distances, which the bias hides: on the
 /// profile of pseudorange_profile.hpp a step of Gauss and Newton goes before that of Newton. One
 /// evaluation more, at the image, with the gain that a step from there would bring, tells whether a
