@@ -47,6 +47,17 @@ TEST_CASE_TEMPLATE("what is a covariance and what is not", S, float, double) {
   Mat<S, 2> skew = symmetric<S>(1, 0, 1);
   skew(0, 1) = S(0.1);
   CHECK_FALSE(looks_like_covariance<S, 2>(skew));
+  // Each pair may be, the three may not: the first is like both others, they are unlike.
+  Mat<S, 3> three;
+  three << 1, S(0.9), S(1.8), S(0.9), 1, S(-1.8), S(1.8), S(-1.8), 4;
+  CHECK_FALSE(looks_like_covariance<S, 3>(three));
+  three(1, 2) = three(2, 1) = S(1.8);
+  CHECK(looks_like_covariance<S, 3>(three));
+  CHECK(looks_like_covariance<S, 3>(Mat<S, 3>::Ones()));
+  CHECK(looks_like_covariance<S, 3>(Mat<S, 3>::Zero()));
+  // Three digits typed are enough.
+  three << 2, S(1.415), 0, S(1.415), 1, 0, 0, 0, 1;
+  CHECK(looks_like_covariance<S, 3>(three));
 }
 
 TEST_CASE_TEMPLATE("rounding is taken out of a covariance, the rest is left alone", S, float,

@@ -114,7 +114,7 @@ void check_differences_minimum() {
       if (!other) continue;
       const Vec<S, D> there = room.reference + other->state;
       // Far out χ² is flat: what rests there is no minimum.
-      if ((there - fix.position).norm() < S(1e-2) || there.norm() > S(200)) continue;
+      if ((there - fix.position).norm() < S(1e-2) || there.norm() > S(100)) continue;
       // Beyond the image there may be minima that are no roots of the squares; none is near.
       CHECK(other->chi_squared - fix.chi_squared > S(9));
     }

@@ -111,7 +111,6 @@ class Subnets {
     }
     covariance_ = errors.covariance;
     remove_rounding<S, Capacity * kDof>(covariance_);
-    raise_to_semidefinite<S, Capacity * kDof>(covariance_);
     for (int i = 0; i < size_; ++i) {
       Transform<S, D>& map_T_subnet = entries_[static_cast<std::size_t>(i)].map_T_subnet;
       map_T_subnet =
