@@ -33,6 +33,15 @@ template <class S>
   return position;
 }
 
+/// The same of anchors on axes.
+template <class S>
+[[nodiscard, gnu::cold, gnu::noinline]] Result<Vec<S, 2>> doubtful_on_axes(
+    S d1, S d2, S d3, S x2, S y3, const Vec<S, 2>& position) {
+  Vec<S, 9> known;
+  known << S(0), S(0), x2, S(0), S(0), y3, d1, d2, d3;
+  return doubtful_position<S>(known, x2 == S(0) || y3 == S(0), position);
+}
+
 }  // namespace detail
 
 /// (000-15): three anchors anywhere but in a line. Differences of the squares, with b = a₂ − a₁, c
@@ -72,7 +81,7 @@ template <class S>
 /// Two divisions, no allocation. Errors: Error::NotFinite; Error::NegativeRange;
 /// Error::DegenerateGeometry when x2 or y3 is 0; Error::NumericOverflow.
 template <class S>
-[[nodiscard]] Result<Vec<S, 2>> toa_on_axes(S d1, S d2, S d3, S x2, S y3) {
+[[nodiscard]] inline Result<Vec<S, 2>> toa_on_axes(S d1, S d2, S d3, S x2, S y3) {
   // What is not finite, or divides by zero, is not finite in the end.
   const auto coordinate = [](const auto& near, const auto& far,
                              const auto& axis) __attribute__((always_inline)) {
@@ -96,9 +105,7 @@ template <class S>
     sound = is_certain(both);
   }
   if (sound) return Result<Vec<S, 2>>{std::in_place, x, y};
-  Vec<S, 9> known;
-  known << S(0), S(0), x2, S(0), S(0), y3, d1, d2, d3;
-  return detail::doubtful_position<S>(known, x2 == S(0) || y3 == S(0), {x, y});
+  return detail::doubtful_on_axes<S>(d1, d2, d3, x2, y3, {x, y});
 }
 
 }  // namespace uwbpos
