@@ -205,6 +205,26 @@ TEST_CASE_TEMPLATE("an error that two subnets share is neither averaged nor a di
   CHECK(joint->chi_squared == doctest::Approx(0.2 * 0.2 / 0.02).epsilon(1e-3));
 }
 
+TEST_CASE_TEMPLATE("a fix that is good in one direction alone is good in it, whatever the order", S,
+                   float, double) {
+  for (const std::size_t long_one : {0U, 1U}) {
+    std::array<Sighting<S, 2>, 2> s;
+    for (std::size_t i = 0; i < 2; ++i) {
+      s[i] = {.position = i == long_one ? Vec<S, 2>{0, 0} : Vec<S, 2>{S(0.1), S(0.1)},
+              .noise = S(0.01) * Mat<S, 2>::Identity(),
+              .jacobian = point_jacobian(Transform<S, 2>{}, {0, 0}),
+              .slot = static_cast<int>(i)};
+    }
+    s[long_one].noise.diagonal() << S(1e4), S(1e-4);
+    TransformErrors<S, 2, 2> errors;
+    const auto joint = joint_fix<S, 2, 2>(s, errors);
+    REQUIRE(joint);
+    CHECK(joint->covariance(0, 0) == doctest::Approx(0.01).epsilon(0.01));
+    CHECK(joint->covariance(1, 1) == doctest::Approx(1e-4 / 1.01).epsilon(0.02));
+    CHECK(joint->position[1] == doctest::Approx(0.1 * 0.01 / 1.01).epsilon(0.3));
+  }
+}
+
 TEST_CASE("the gate is the quantile it approximates") {
   for (const int dof : {2, 3, 4, 6, 9}) {
     for (const double sigmas : {2.0, 3.0, 4.0}) {

@@ -15,9 +15,9 @@ namespace uwbpos {
 
 /// Raises variances of a symmetric matrix without correlations above one until no combination of
 /// the errors has a negative one, as differences of large numbers may leave. In the correlations'
-/// L D Lᵀ a pivot too small for what it shares with a later one c, c² > d₁ d₂, becomes 2 c²/d₂,
-/// which takes half of d₂ off, or c if that is less. What needs nothing stays as it is. O(N³), as
-/// much stack as `p` takes, no allocation.
+/// L D Lᵀ a pivot too small for what it shares with a later one c, c² > d₁ d₂, becomes c²/d₂, or c
+/// if that is less. What needs nothing stays as it is, but for the last digits of singular ones.
+/// O(N³), as much stack as `p` takes, no allocation.
 template <class S, int N>
 void raise_to_semidefinite(Mat<S, N>& p) {
   Vec<S, N> scale;
@@ -34,9 +34,11 @@ void raise_to_semidefinite(Mat<S, N>& p) {
       const S other = left(i, i);
       const S square = shared * shared;
       if (left(j, j) > S(0) && square <= left(j, j) * other) continue;
-      pivot = std::max(pivot, S(2) * shared < other ? S(2) * square / other : shared);
+      pivot = std::max(pivot, shared < other ? square / other : shared);
     }
-    p(j, j) = std::min(p(j, j) * (S(1) + (pivot - left(j, j))), std::numeric_limits<S>::max());
+    if (pivot > left(j, j)) {
+      p(j, j) = std::min(p(j, j) * (S(1) + (pivot - left(j, j))), std::numeric_limits<S>::max());
+    }
     if (!(pivot > S(0))) continue;
     for (int k = j + 1; k < N; ++k) {
       const S part = left(k, j) / pivot;
@@ -64,7 +66,7 @@ template <class S, int N>
     Mat<S, N> raised = p;
     raise_to_semidefinite<S, N>(raised);
     for (int i = 0; i < N; ++i) {
-      if (!(raised(i, i) <= S(1.005) * p(i, i))) return false;
+      if (!(raised(i, i) <= S(1.05) * p(i, i))) return false;
     }
   }
   return true;

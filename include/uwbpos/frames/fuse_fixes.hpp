@@ -155,8 +155,9 @@ template <class S, int D, int Capacity>
 
 /// `fuse_fixes`, after which the transforms learn from the fixes that agree, if there are two or
 /// more; what was returned is from before. Call it for every tag and moment, and a border gets
-/// smoother with every crossing. O((Capacity·D)²) more, and as much stack as `Subnets` takes. No
-/// allocation. What cannot be learned for lack of digits is left; errors are those of `fuse_fixes`.
+/// smoother with every crossing. O((Capacity·D)³) more, and twice as much stack as `Subnets` takes.
+/// No allocation. What cannot be learned for lack of digits is left; errors are those of
+/// `fuse_fixes`.
 template <class S, int D, int Capacity>
 [[nodiscard]] Result<MapFix<S, D>> fuse_and_learn(
     Subnets<S, D, Capacity>& subnets, std::type_identity_t<std::span<const SubnetFix<S, D>>> fixes,

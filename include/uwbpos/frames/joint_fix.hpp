@@ -89,16 +89,16 @@ template <class S, int D, int Slots>
     const Mat<S, D> mixed = cov_with_own(across, s);
     const Mat<S, D> a = joint.covariance - mixed;
     const Mat<S, D> of_transform = cov_with_own(own, s);
-    // What is lost to rounding is noise: of what both have in common, which the difference does
-    // not have, and of a noise that has next to none in some direction. Of the rest S needs as
-    // much, but a good fix beside a bad one must not suffer from it.
+    // What rounding takes of the difference is noise where both have a large part in common, which
+    // the difference has not. Of the rest S alone needs as much: a good fix beside a bad one must
+    // not suffer from it.
     const S lost = S(32) * std::numeric_limits<S>::epsilon();
-    const S shared_lost = lost * (S(2) * mixed.diagonal().cwiseAbs().sum());
-    const S all_lost = lost * (joint.covariance.trace() + of_transform.trace());
+    const S common = lost * (S(2) * mixed.diagonal().cwiseAbs().sum());
+    const S all = lost * (joint.covariance.trace() + of_transform.trace());
     Mat<S, D> noise = s.noise;
-    noise.diagonal().array() += shared_lost + lost * s.noise.trace();
+    noise.diagonal().array() += common;
     Mat<S, D> innovation = a - transposed(mixed) + of_transform + noise;
-    innovation.diagonal().array() += std::max(all_lost - shared_lost, S(0));
+    innovation.diagonal().array() += std::max(all - common, S(0));
     const Ldlt<S, D> factor{innovation};
     if (!factor.positive_definite()) return std::unexpected(Error::InvalidCovariance);
     const Mat<S, D> inverse = factor.inverse();

@@ -102,8 +102,8 @@ class Subnets {
   }
 
   /// Corrects every transform by an estimate of all errors, and keeps the covariance that is left.
-  /// O(n²). Errors: NumericOverflow, an estimate that is not finite or has a negative variance;
-  /// then nothing changes.
+  /// O(n³), and as much stack as the covariance. Errors: NumericOverflow, an estimate that is not
+  /// finite or has a negative variance; then nothing changes.
   [[nodiscard]] Result<void> absorb(const TransformErrors<S, D, Capacity>& errors) {
     if (!all_finite(errors.mean) || !all_finite(errors.covariance) ||
         !(errors.covariance.diagonal().minCoeff() >= S(0))) {

@@ -8,8 +8,10 @@
 /// leaves at most half of the third derivative times its length squared.
 
 #include <limits>
+#include <type_traits>
 
 #include "uwbpos/core/cofactors.hpp"
+#include "uwbpos/core/lanes.hpp"
 #include "uwbpos/solve/newton.hpp"
 
 namespace uwbpos {
