@@ -91,7 +91,7 @@ template <class S>
   using Pair = typename PairOf<S>::Type;
   S x;
   S y;
-  bool sound;
+  bool sound = false;
   if constexpr (std::is_void_v<Pair>) {
     const auto [along_x, sound_x] = coordinate(d1, d2, x2);
     const auto [along_y, sound_y] = coordinate(d1, d3, y3);
