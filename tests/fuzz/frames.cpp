@@ -9,7 +9,6 @@
 #include <array>
 #include <cmath>
 #include <span>
-#include <type_traits>
 
 #include "uwbpos/frames/fit_transform.hpp"
 #include "uwbpos/frames/fuse_fixes.hpp"
@@ -133,8 +132,7 @@ void check_site(const Subnets<S, D, kSubnets>& site) {
     check_transform(site[i].map_T_subnet);
     require(site.place(site[i].id) == i, "a subnet is where it says");
   }
-  constexpr int all = kSubnets * kTransformDof<D>;
-  check_covariance<S, all>(site.errors().covariance);
+  check_covariance<S, kSubnets * kTransformDof<D>>(site.errors().covariance);
 }
 
 template <class S, int D>
